@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from legoworld.api.by_task import ByTask
     from legoworld.api.comparison import Comparison, compare
     from legoworld.api.evaluation import Evaluation, evaluate
-    from legoworld.api.listening import Listener
+    from legoworld.api.listener import Listener
     from legoworld.api.reader import Reader, Reading
     from legoworld.api.readout import Run, readout
     from legoworld.api.scenes import Scene, SceneView, open_scene
@@ -26,7 +26,7 @@ _HOMES = {
     "Comparison": "legoworld.api.comparison",
     "Evaluation": "legoworld.api.evaluation",
     "LegoWorldError": "legoworld.errors",
-    "Listener": "legoworld.api.listening",
+    "Listener": "legoworld.api.listener",
     "Reader": "legoworld.api.reader",
     "Reading": "legoworld.api.reader",
     "Run": "legoworld.api.readout",

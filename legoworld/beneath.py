@@ -52,7 +52,7 @@ class Beneath:
     """
 
     def __init__(self, folder: Path) -> None:
-        with _told(folder):
+        with _translate_errors(folder):
             self._top = os.open(folder, _FOLDER)
 
     def __enter__(self) -> Self:
@@ -77,7 +77,7 @@ class Beneath:
         second name may be outside of the folder.
         """
         descriptor = None
-        with _told(name), self._parent(name) as (folder, last):
+        with _translate_errors(name), self._parent(name) as (folder, last):
             if folder is not None:
                 with contextlib.suppress(FileNotFoundError):
                     descriptor = os.open(last, _FILE, dir_fd=folder)
@@ -121,7 +121,7 @@ class Beneath:
             return False
         if not folder or not stat.S_ISDIR(status.st_mode):
             _check(name, status, status.st_size)
-        with _told(name), self._parent(name) as (parent, last):
+        with _translate_errors(name), self._parent(name) as (parent, last):
             if parent is None:
                 return False
             os.rename(last, target, src_dir_fd=parent)
@@ -140,12 +140,12 @@ class Beneath:
 
     def names(self, name: str | PurePath = ".") -> list[str]:
         """The names in a folder, sorted; none where there is no such folder."""
-        with _told(name), self._folder(_parts(name)) as folder:
+        with _translate_errors(name), self._folder(_parts(name)) as folder:
             return [] if folder is None else sorted(os.listdir(folder))  # noqa: PTH208  a descriptor
 
     def status(self, name: str | PurePath) -> os.stat_result | None:
         """What has a name, a link itself and not what it names; None for nothing."""
-        with _told(name), self._parent(name) as (folder, last):
+        with _translate_errors(name), self._parent(name) as (folder, last):
             if folder is not None:
                 with contextlib.suppress(FileNotFoundError):
                     return os.stat(last, dir_fd=folder, follow_symlinks=False)
@@ -153,7 +153,7 @@ class Beneath:
 
     def unlink(self, name: str | PurePath) -> None:
         """Remove a name that is no folder's; nothing happens where it is not there."""
-        with _told(name), self._parent(name) as (folder, last):
+        with _translate_errors(name), self._parent(name) as (folder, last):
             if folder is not None:
                 with contextlib.suppress(FileNotFoundError):
                     os.unlink(last, dir_fd=folder)
@@ -162,17 +162,17 @@ class Beneath:
         """Make a folder and those above it, as far as they are not there."""
         parts = _parts(name)
         for depth in range(len(parts) + 1):  # the last round refuses what is no folder
-            with _told(name), self._folder(parts[:depth]) as above:
+            with _translate_errors(name), self._folder(parts[:depth]) as above:
                 if above is None:
-                    raise _refused(str(name), "its folder was removed")
+                    raise _refused_error(str(name), "its folder was removed")
                 if depth < len(parts):
                     with contextlib.suppress(FileExistsError):
                         os.mkdir(parts[depth], dir_fd=above)
 
     def _write(self, name: str | PurePath, blocks: Iterable[bytes], *, new: bool) -> None:
-        with _told(name), self._parent(name) as (folder, last):
+        with _translate_errors(name), self._parent(name) as (folder, last):
             if folder is None:
-                raise _refused(str(name), "no such folder")
+                raise _refused_error(str(name), "no such folder")
             written = last if new else f".{secrets.token_hex(8)}{TEMPORARY_SUFFIX}"
             with os.fdopen(os.open(written, _NEW, 0o644, dir_fd=folder), "wb") as stream:
                 try:
@@ -191,14 +191,14 @@ class Beneath:
         """The folder that a name is in, and the last part of the name."""
         parts = _parts(name)
         if not parts:
-            raise _refused(str(name), "the folder itself")
+            raise _refused_error(str(name), "the folder itself")
         with self._folder(parts[:-1]) as folder:
             yield folder, parts[-1]
 
     @contextlib.contextmanager
     def _folder(self, parts: tuple[str, ...]) -> Iterator[int | None]:
         """A folder's descriptor; None where nothing has the name."""
-        opener = _opened_at_once if has_openat2() else _opened
+        opener = _open_with_openat2 if has_openat2() else _open_folder
         try:
             opened = opener(self._top, parts)
         except FileNotFoundError:
@@ -230,7 +230,7 @@ def has_openat2() -> bool:
     if sys.platform != "linux" or platform.machine() == "alpha":
         return False
     try:
-        os.close(_opened_at_once(_AT_CWD, ()))
+        os.close(_open_with_openat2(_AT_CWD, ()))
     except OSError:
         return False
     return True
@@ -240,7 +240,7 @@ class _OpenHow(ctypes.Structure):
     _fields_ = tuple((name, ctypes.c_uint64) for name in ("flags", "mode", "resolve"))
 
 
-def _opened_at_once(top: int, parts: tuple[str, ...]) -> int:
+def _open_with_openat2(top: int, parts: tuple[str, ...]) -> int:
     """The descriptor of a folder below another, by one openat2."""
     how = _OpenHow(flags=_FOLDER, mode=0, resolve=_RESOLVE)
     path = os.fsencode("/".join(parts) or ".")
@@ -252,7 +252,7 @@ def _opened_at_once(top: int, parts: tuple[str, ...]) -> int:
     return opened
 
 
-def _opened(top: int, parts: tuple[str, ...]) -> int:
+def _open_folder(top: int, parts: tuple[str, ...]) -> int:
     """The descriptor of a folder below another, by one openat for each part."""
     opened = os.dup(top)
     for part in parts:
@@ -268,12 +268,12 @@ def _parts(name: str | PurePath) -> tuple[str, ...]:
     """The parts of a relative name, none for the folder itself."""
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or "\0" in str(name):
-        raise _refused(str(name), "it leads out of the folder")
+        raise _refused_error(str(name), "it leads out of the folder")
     return path.parts
 
 
 @contextlib.contextmanager
-def _told(name: str | PurePath) -> Iterator[None]:
+def _translate_errors(name: str | PurePath) -> Iterator[None]:
     """What the system says of a name as a RefusedFileError; the machine's own words as they are."""
     try:
         yield
@@ -282,18 +282,20 @@ def _told(name: str | PurePath) -> Iterator[None]:
             raise
         linked = error.errno in (errno.ELOOP, errno.ENOTDIR, errno.EXDEV)
         found = "a link, or a file in the place of a folder" if linked else error.strerror
-        raise _refused(str(name), found or str(error)) from error
+        raise _refused_error(str(name), found or str(error)) from error
     except UnicodeEncodeError as error:
-        raise _refused(str(name), "a name that no file can have") from error
+        raise _refused_error(str(name), "a name that no file can have") from error
 
 
 def _check(name: str | PurePath, status: os.stat_result, most_bytes: int) -> None:
     if not stat.S_ISREG(status.st_mode):
-        raise _refused(str(name), kind_of_file(status.st_mode))
+        raise _refused_error(str(name), kind_of_file(status.st_mode))
     if status.st_nlink != 1:
-        raise _refused(str(name), "a file with another name, too")
+        raise _refused_error(str(name), "a file with another name, too")
     if status.st_size > most_bytes:
-        raise _refused(str(name), f"{status.st_size:,} bytes", f"at most {most_bytes:,} bytes")
+        raise _refused_error(
+            str(name), f"{status.st_size:,} bytes", f"at most {most_bytes:,} bytes"
+        )
 
 
 def _blocks(name: str | PurePath, stream: BufferedReader, most_bytes: int) -> Iterator[bytes]:
@@ -302,11 +304,11 @@ def _blocks(name: str | PurePath, stream: BufferedReader, most_bytes: int) -> It
     while block := stream.read(_BLOCK):
         left -= len(block)
         if left < 0:
-            raise _refused(str(name), "a file that grows", f"at most {most_bytes:,} bytes")
+            raise _refused_error(str(name), "a file that grows", f"at most {most_bytes:,} bytes")
         yield block
 
 
-def _refused(name: str, found: str, expected: str = "") -> RefusedFileError:
+def _refused_error(name: str, found: str, expected: str = "") -> RefusedFileError:
     return RefusedFileError(
         f"{name!r} is not used: a program can write to its folder",
         found=found,

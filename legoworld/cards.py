@@ -52,15 +52,15 @@ class Card:
     @property
     def version(self) -> str:
         """The card's version, which a run records."""
-        return self.declared.readout.version
+        return self.record.readout.version
 
     @property
     def reads(self) -> str:
         """What is read: "boxes", "masks", "depth" or others."""
-        return self.declared.readout.reads
+        return self.record.readout.reads
 
     @cached_property
-    def declared(self) -> ReadoutCard:
+    def record(self) -> ReadoutCard:
         """The card as a typed record. InstallationError when it does not decode."""
         try:
             return to_record(ReadoutCard, self.values)

@@ -130,7 +130,7 @@ def _run(arguments: list[str] | None) -> int:
         # raised by click: 0 after shell completion, 1 when the output pipe is closed
         return exit_codes.BLOCKED if ended.code else exit_codes.DONE
     except OSError as error:
-        click.echo(f"legoworld: {_refused(error)}", err=True)
+        click.echo(f"legoworld: {_describe_refusal(error)}", err=True)
         return exit_codes.of_os_error(error)
     except Exception:  # noqa: BLE001  shown whole; Python's own exit code 1 means something else
         traceback.print_exc()
@@ -150,7 +150,7 @@ def _after_ctrl_c(words: Sequence[str]) -> str:
     return known or "nothing was kept; run the same command again to start over"
 
 
-def _refused(error: OSError) -> str:
+def _describe_refusal(error: OSError) -> str:
     where = f" {error.filename}" if error.filename else ""
     return (
         f"the operating system refused{where}: {error.strerror or error}; finished work is kept; "

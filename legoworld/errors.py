@@ -31,7 +31,7 @@ def name_on_line(name: str) -> str:
     return printable(name.replace("\n", "\0").replace("\t", "\0"))
 
 
-def escaped(json_text: str) -> str:
+def escape_json(json_text: str) -> str:
     r"""JSON with what `printable` replaces as \u escapes: the same value, and nothing is lost."""
     return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", json_text)
 

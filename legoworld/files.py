@@ -151,10 +151,10 @@ def readable_json(value: Json) -> str:
     This passes every list and object without nested ones to the C encoder and is five times as
     fast.
     """
-    return _indented(value, 0) + "\n"
+    return _indent_value(value, 0) + "\n"
 
 
-def _indented(value: Json, level: int) -> str:
+def _indent_value(value: Json, level: int) -> str:
     if not isinstance(value, dict | list | tuple) or not value:
         return _CANONICAL.encode(value)
     begin, between, end = _layout(level)
@@ -164,10 +164,10 @@ def _indented(value: Json, level: int) -> str:
         body = _flat_encoder(level).encode(value)[1:-1]
     elif isinstance(value, dict):
         body = between.join(
-            f"{_key(key)}: {_indented(item, level + 1)}" for key, item in sorted(value.items())
+            f"{_key(key)}: {_indent_value(item, level + 1)}" for key, item in sorted(value.items())
         )
     else:
-        body = between.join(_indented(item, level + 1) for item in value)
+        body = between.join(_indent_value(item, level + 1) for item in value)
     return f"{opening}{begin}{body}{end}{closing}"
 
 

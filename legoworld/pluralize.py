@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import PurePosixPath
 
 
-def counted(count: int, one: str, many: str) -> str:
+def plural(count: int, one: str, many: str) -> str:
     """A number with its noun in the right form: "1 box", "0 boxes"."""
     return f"{count:,} {word_for(count, one, many)}"
 
@@ -18,7 +18,7 @@ def word_for(count: int, one: str, many: str) -> str:
 
 def share(part: int, total: int, one: str, many: str) -> str:
     """A fraction with its noun: "1 of 1 box", "0 of 12 boxes"."""
-    return f"{part:,} of {counted(total, one, many)}"
+    return f"{part:,} of {plural(total, one, many)}"
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:

@@ -45,7 +45,7 @@ def fetch_folder(url: str, into: Path) -> int:
     An empty URL is not an error: the folder is then not created. PlaceError when the URL cannot be
     reached or a name there leads out of the folder; OSError when this machine cannot write.
     """
-    with _reaching(url) as (system, top):
+    with _open_filesystem(url) as (system, top):
         names = _names_below(system, top)
         for name in names:
             _refuse_odd(name)
@@ -96,7 +96,7 @@ def publish_folder(folder: Path, url: str, *, last: str) -> None:
         if path.is_file() and path.name not in _STAYS and path.suffix != TEMPORARY_SUFFIX
     )
     names.sort(key=lambda name: name == last)
-    with _reaching(url) as (system, top):
+    with _open_filesystem(url) as (system, top):
         present = _names_below(system, top)
         if last in present:
             system.rm_file(f"{top}/{last}")
@@ -110,7 +110,7 @@ def publish_folder(folder: Path, url: str, *, last: str) -> None:
 
 def folders_holding(url: str, names: tuple[str, ...]) -> list[str]:
     """Sorted paths, below a URL, of the folders that contain a file with one of these names."""
-    with _reaching(url) as (system, top):
+    with _open_filesystem(url) as (system, top):
         paths = [PurePosixPath(name) for name in _names_below(system, top)]
     visible = [p for p in paths if not any(part.startswith(".") for part in p.parts[:-1])]
     return sorted({p.parent.as_posix() for p in visible if p.name in names})
@@ -124,7 +124,7 @@ def _names_below(system: Any, top: str) -> list[str]:
 
 
 @contextmanager
-def _reaching(url: str) -> Iterator[tuple[Any, str]]:
+def _open_filesystem(url: str) -> Iterator[tuple[Any, str]]:
     """The fsspec file system of a URL, and the path in it. Its errors become PlaceError."""
     kind = url.partition("://")[0]
     try:

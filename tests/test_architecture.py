@@ -253,9 +253,9 @@ def test_modules_about_a_family_have_its_name_and_not_a_dataset_s():
 def test_scoring_boxes_loads_nothing_of_other_families():
     program = (
         "import sys\n"
-        "from legoworld.tasks.registry import family_of\n"
+        "from legoworld.tasks.registry import find_family\n"
         "for storey in ('records', 'evaluation', 'comparison'):\n"
-        "    family_of('coco').load(storey, object)\n"
+        "    find_family('coco').load(storey, object)\n"
         "print(*sorted(m for m in sys.modules if m.startswith('legoworld.')))\n"
     )
     ran = subprocess.run(

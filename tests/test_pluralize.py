@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import legoworld
-from legoworld.pluralize import counted, in_another_folder, share, word_for
+from legoworld.pluralize import in_another_folder, plural, share, word_for
 
 PACKAGE = Path(legoworld.__file__).parent
 #: A number in an f-string with a plural right behind it: wrong for 1.
@@ -47,7 +47,7 @@ def test_no_plural_follows_a_number_that_may_be_one(path):
 
 
 def test_numbers_with_their_words():
-    assert [counted(n, "box", "boxes") for n in (0, 1, 2, 5000)] == [
+    assert [plural(n, "box", "boxes") for n in (0, 1, 2, 5000)] == [
         "0 boxes", "1 box", "2 boxes", "5,000 boxes",
     ]  # fmt: skip
     assert share(0, 1, "view", "views") == "0 of 1 view"

@@ -102,7 +102,7 @@ class HandedOn:
 @contextmanager
 def handing_on(hub: HandedOn) -> Iterator[None]:
     """Processes are handed on through the hub while it is `active`."""
-    started, ask = BlenderProcess._started, BlenderProcess._ask
+    started, ask = BlenderProcess._start_worker, BlenderProcess._ask
     abort, close = BlenderProcess.abort, BlenderProcess.close
 
     def take_or_start(self: BlenderProcess) -> ChildProcess:
@@ -116,7 +116,7 @@ def handing_on(hub: HandedOn) -> Iterator[None]:
         return started(self)
 
     def noted(self: BlenderProcess, message: dict[str, Any]) -> dict[str, Any]:
-        self._started()
+        self._start_worker()
         hub.asking(self, unanswered=True)
         try:
             answer = ask(self, message)
@@ -139,7 +139,7 @@ def handing_on(hub: HandedOn) -> Iterator[None]:
 
     # The kernel ends a worker with the thread that started it: this one is there to the end.
     with ThreadPoolExecutor(1) as starter, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(BlenderProcess, "_started", take_or_start)
+        patch.setattr(BlenderProcess, "_start_worker", take_or_start)
         patch.setattr(BlenderProcess, "_ask", noted)
         patch.setattr(BlenderProcess, "abort", leave_or_abort)
         patch.setattr(BlenderProcess, "close", leave_or_close)

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from legoworld.evaluation.reconstruction.nearest import Nearest, nearest_both_ways
-from legoworld.evaluation.reconstruction.points import Raster, points_m, raster_of
+from legoworld.evaluation.reconstruction.points import Raster, picture_raster, points_m
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
@@ -136,7 +136,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--check", type=int, default=300)
     options = parser.parse_args()
-    raster = raster_of((1920, 1080), 50.0, (421, 237))
+    raster = picture_raster((1920, 1080), 50.0, (421, 237))
     label = np.zeros((raster.height, raster.width), np.int32)
     others = contenders()
     print(f"{raster.width} x {raster.height} points each, both ways, CPU ms; "

@@ -99,7 +99,7 @@ def one_case(private: Path, run_folder: Path, rounds: int) -> None:
         reference = load_reference(folders, case, protocol.depth_limit_m)
         surface = load_surface(run_folder, row.surface, reference.raster)
         points = PointMaps(reference=reference, surface=surface)
-        picture = appearance.decoded(folders.reference(case).read_bytes())
+        picture = appearance.decode_picture(folders.reference(case).read_bytes())
         parts = {
             "reading the reference's points": lambda case=case: load_reference(
                 folders, case, protocol.depth_limit_m
@@ -124,10 +124,10 @@ def one_case(private: Path, run_folder: Path, rounds: int) -> None:
             "R and every diagnostic": partial(
                 geometry_score, folders, case, reference, surface, points, protocol, Choices()
             ),
-            "decoding the reference picture": lambda case=case: appearance.decoded(
+            "decoding the reference picture": lambda case=case: appearance.decode_picture(
                 folders.reference(case).read_bytes()
             ),
-            "resizing it": lambda picture=picture: appearance.resized(picture, (512, 288)),
+            "resizing it": lambda picture=picture: appearance.resize_picture(picture, (512, 288)),
             "decoding the render": lambda row=row: load_render(run_folder, row.render),
         }
         for name, work in parts.items():

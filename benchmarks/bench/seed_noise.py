@@ -17,7 +17,7 @@ from legoworld.running.submission import card_size
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.opened import CardRender, OpenedScene
+from legoworld.scene.open_scene import CardRender, OpenedScene
 
 
 def main() -> None:

@@ -21,12 +21,12 @@ from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.predictions import (
     check_predictions,
-    kind_of,
+    prediction_type,
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
 from legoworld.evaluation.detection.matching.greedy import MatchTable, match_table
-from legoworld.evaluation.detection.matching.matches import states_of
+from legoworld.evaluation.detection.matching.matches import match_states
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
@@ -45,12 +45,12 @@ def population_table(*, equal: bool) -> MatchTable:
         path = Path(folder) / "truth.json"
         path.write_text(json.dumps(document))
         truth = read_truth(path, run, protocol)
-    batches = [as_predictions(results, kind_of(protocol))]
+    batches = [as_predictions(results, prediction_type(protocol))]
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
     if equal:
         predictions = with_equal_confidence(predictions)
     problem = build_problem(truth, predictions, protocol)
-    return match_table(problem, states_of(problem, truth, predictions, IN_PROCESS))
+    return match_table(problem, match_states(problem, truth, predictions, IN_PROCESS))
 
 
 def track_table(table: MatchTable, images: np.ndarray) -> MatchTable:

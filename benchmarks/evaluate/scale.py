@@ -29,19 +29,19 @@ from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.predictions import (
     check_predictions,
-    kind_of,
+    prediction_type,
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
 from legoworld.evaluation.detection.matching.greedy import match_table
 from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.detection.matching.matches import matches_of
+from legoworld.evaluation.detection.matching.matches import match_and_pair
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.evaluation.detection.ranking.ties import tie_orders
-from legoworld.evaluation.detection.scoring import frequencies_of
+from legoworld.evaluation.detection.scoring import category_frequencies
 from legoworld.records.folders.prediction_files import stored_batches
 from legoworld.workers.tasks import WorkerPool
 
@@ -97,19 +97,19 @@ def main() -> None:
             truth = read_truth(path, run, protocol)
         del document
         with timed("predictions read, checked and ordered"):
-            batches = stored_batches([results_path], kind_of(protocol))
+            batches = stored_batches([results_path], prediction_type(protocol))
             predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
             if options.equal:
                 predictions = with_equal_confidence(predictions)
     with timed("matching, greedy and score-free"):
         problem = build_problem(truth, predictions, protocol)
-        matches = matches_of(problem, truth, predictions, pool)
+        matches = match_and_pair(problem, truth, predictions, pool)
         table = match_table(problem, matches.state)
     if options.only_images:
         return
     with timed("precision and recall from the matches"):
         curves = accumulate(table, protocol)
-        ours = [metric_value(m, curves, frequencies_of(truth)) for m in protocol.metrics]
+        ours = [metric_value(m, curves, category_frequencies(truth)) for m in protocol.metrics]
     kinds = ["fast", "official"] if options.official else ["fast"]
     for kind in kinds:
         with timed(f"{kind} evaluator"):
@@ -121,7 +121,7 @@ def main() -> None:
         print(" ", tie_orders(table, draws=options.draws, seed=0))
     samples = resample_counts(options.images, options.draws, 0)
     with timed(f"{options.draws} bootstrap samples, official metrics"):
-        resampled = resampled_metrics(table, protocol, samples, frequencies_of(truth))
+        resampled = resampled_metrics(table, protocol, samples, category_frequencies(truth))
     with timed(f"{options.draws} bootstrap samples, score-free"):
         for pairs in (matches.aware, matches.agnostic):
             matched_metrics(matched_counts(problem, pairs), samples)

@@ -26,7 +26,7 @@ from legoworld.evaluation.reconstruction.reference import Reference, load_refere
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence, read_evidence
-from legoworld.plugin.evidence_making import Given, make_evidence
+from legoworld.plugin.make_evidence import UserEvidence, make_evidence
 from legoworld.plugin.measure import measure, surface_view
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.readouts.filled_view import with_surfaces
@@ -94,7 +94,7 @@ def read_case(
     z = np.asarray(seen.depth_z_m, np.float64)
     noise = cv2.resize(random.normal(0, 0.03, (9, 16)), case.size_wh)
     np.save(folder / "disparity.npy", (3.0 / z + 0.2) * (1 + noise))
-    given = Given(
+    given = UserEvidence(
         photo=dataset.folders.reference(case),
         regions=[folder / "outlines.json"],
         image_id=None,

@@ -27,8 +27,8 @@ from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.evidence import read_evidence
-from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.live import LiveBlender
+from legoworld.plugin.make_evidence import UserEvidence, make_evidence
 from legoworld.plugin.measure import measure, surface_view
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.records.plugin_requirements import Requirement
@@ -133,7 +133,7 @@ def requirements(scene: LiveScene, folder: Path) -> tuple[Any, list[Requirement]
     (folder / "outlines.json").write_text(json.dumps({"regions": outlines}))
     cv2.imwrite(str(folder / "photo.png"), np.zeros((*SIZE_WH[::-1], 3), np.uint8))
     np.save(folder / "depth.npy", np.linspace(1, 2, SIZE_WH[0] * SIZE_WH[1]).reshape(SIZE_WH[::-1]))
-    given = Given(
+    given = UserEvidence(
         photo=folder / "photo.png",
         regions=[folder / "outlines.json"],
         image_id=None,

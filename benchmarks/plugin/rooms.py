@@ -29,7 +29,7 @@ from plugin.synthetic import (  # pyright: ignore[reportMissingImports]
 from rotations import error_deg
 
 from legoworld.plugin.room_fit import fit_box, rays
-from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
 from legoworld.records.plugin_evidence import Rows
 from legoworld.records.plugin_room import Structure
 
@@ -47,7 +47,7 @@ def main() -> int:
         gray = picture(triangles, world_from_cam, place, hfov, random)
         try:
             estimate = manhattan_camera(gray, hfov).world_from_cam
-        except UntoldError:
+        except UndeterminedError:
             untold += 1
             continue
         turns.append(error_deg(estimate, world_from_cam))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.plugin.state import read_live
-from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
 from legoworld.readouts.pictures import read_photo
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.visibility.camera import projection
@@ -49,7 +49,7 @@ def error_of(picture: Path, blend: Path, blender: BlenderProcess) -> float | str
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     try:
         found = manhattan_camera(gray, math.degrees(2 * math.atan(width / 2 / focal)))
-    except UntoldError as error:
+    except UndeterminedError as error:
         return str(error)
     return error_deg(found.world_from_cam, truth)
 

@@ -24,11 +24,11 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
-from legoworld.evaluation.detection.inputs.prediction_columns import masks_of
+from legoworld.evaluation.detection.inputs.prediction_columns import mask_columns
 from legoworld.records.base import canonical
 from legoworld.records.folders.prediction_files import (
     prediction_files,
-    predictions_of,
+    read_image_predictions,
     stored_batches,
     write_predictions,
 )
@@ -69,8 +69,8 @@ def read(way: str, files: list[Path], n_images: int) -> int:
         return 0
     if way == "columns":
         sizes_wh = dict.fromkeys(range(1, n_images + 1), SIZE_WH)
-        return len(masks_of(stored_batches(files, MaskPrediction), sizes_wh).columns)
-    return sum(map(len, predictions_of(range(1, n_images + 1), files)))
+        return len(mask_columns(stored_batches(files, MaskPrediction), sizes_wh).columns)
+    return sum(map(len, read_image_predictions(range(1, n_images + 1), files)))
 
 
 def measured(way: str, folder: Path, per_file: int | None, n_images: int) -> None:

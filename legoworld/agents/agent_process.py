@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.agent_cards import AgentCard
+from legoworld.agents.exposed_paths import exposed_paths
 from legoworld.agents.mcp_server import (
     PLAYER,
     blender_server,
@@ -17,9 +18,8 @@ from legoworld.agents.mcp_server import (
     server_python,
     write_configuration,
 )
-from legoworld.agents.shown import shown_to
-from legoworld.agents.stopping import Stop
-from legoworld.agents.unfinished import Unfinished
+from legoworld.agents.stop import Stop
+from legoworld.agents.unfinished_trial import UnfinishedTrial
 from legoworld.agents.workspaces import PROMPT, Workspace
 from legoworld.beneath import Beneath
 from legoworld.files import home_folder
@@ -51,7 +51,7 @@ class Order:
     held: Protections
     limits: SandboxLimits
     continues: bool
-    unfinished: Unfinished
+    unfinished: UnfinishedTrial
 
 
 def run_agent(order: Order, stop: Stop) -> Ending:
@@ -63,7 +63,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
     about, scratch = order.card.about, order.unfinished.agent
     home = scratch / "sandbox" / "home"
     (scratch / "sandbox").mkdir()
-    variables = _given(order)
+    variables = _declared_variables(order)
     with Sandbox(
         scratch / "sandbox",
         order.limits,
@@ -73,7 +73,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         variables=variables,
         lease=order.unfinished.lease,
     ) as sandbox:
-        words = _words(order, str(sandbox.seen("home")), str(sandbox.seen("output")))
+        words = _words(order, str(sandbox.path_inside("home")), str(sandbox.path_inside("output")))
         sandbox.add_variables(
             {name: text.format_map(words) for name, text in about.variables.items()}
         )
@@ -90,18 +90,18 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         if order.steps is not None:
             steps = scratch / "sandbox" / "output" / _STEPS
             steps.write_text(order.steps, encoding="utf-8")
-        _open_session(order, home, str(sandbox.seen("output")))
-        command = command_of(order.card, words, order.model, continues=order.continues)
+        _open_session(order, home, str(sandbox.path_inside("output")))
+        command = build_command(order.card, words, order.model, continues=order.continues)
         program = shutil.which(command[0]) or command[0]
-        kept = str(sandbox.seen("output") / _STDOUT)
-        sandbox.start([*_KEEPING, kept, program, *command[1:]], shown_to(order.card))
+        kept = str(sandbox.path_inside("output") / _STDOUT)
+        sandbox.start([*_KEEPING, kept, program, *command[1:]], exposed_paths(order.card))
         with stop.ends(sandbox.stop):
             ending = sandbox.wait()
         order.unfinished.take_transcript(output_name(order.card))
     return ending
 
 
-def command_of(
+def build_command(
     card: AgentCard, words: Mapping[str, str], model: str | None, *, continues: bool
 ) -> list[str]:
     """The command of a card with its placeholders replaced, and the words that name the model."""
@@ -149,7 +149,7 @@ def _words(order: Order, home: str, output: str) -> dict[str, str]:
     }
 
 
-def _given(order: Order) -> dict[str, str]:
+def _declared_variables(order: Order) -> dict[str, str]:
     """The caller's variables that the card names."""
     wanted = order.card.about.needs.variables
     return {name: os.environ[name] for name in wanted if name in os.environ}

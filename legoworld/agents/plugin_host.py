@@ -26,7 +26,7 @@ class PluginHost:
         self._running: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._owning = threading.Lock()
-        self._listener = Listener(0, self._accepted)
+        self._listener = Listener(0, self._serve_client)
         self.port: int = self._listener.port
 
     def __enter__(self) -> Self:
@@ -48,7 +48,7 @@ class PluginHost:
                 running.kill()
         self._listener.join()
 
-    def _accepted(self, client: socket.socket) -> None:
+    def _serve_client(self, client: socket.socket) -> None:
         with client, self._log.open("ab") as errors, self._owning:
             if self._closing:
                 return

@@ -14,7 +14,7 @@ from legoworld.files import sha256_of_file
 from legoworld.records.agents import Usage
 from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
 from legoworld.records.prices import ModelPrice, PriceCardFile
-from legoworld.trajectories.transcripts import usage_of
+from legoworld.trajectories.transcripts import total_usage
 
 PRICES: Final = Path(__file__).with_name("prices.toml")
 _MILLION: Final = 1_000_000
@@ -32,7 +32,7 @@ class PriceCard:
         """The label of costs computed with this card."""
         return f"prices of {self.about.date}, {self.sha256[:12]}"
 
-    def price_of(self, model: str | None) -> ModelPrice | None:
+    def find_price(self, model: str | None) -> ModelPrice | None:
         """The price of a model by exactly this name; None where the card has none."""
         return next((price for price in self.about.model if model in price.names), None)
 
@@ -57,18 +57,18 @@ def read_prices(path: Path | None) -> PriceCard:
     return PriceCard(about=about, sha256=sha256_of_file(path))
 
 
-def used(trajectory: AtifTrajectory, model: str | None, prices: PriceCard) -> Usage:
+def compute_usage(trajectory: AtifTrajectory, model: str | None, prices: PriceCard) -> Usage:
     """Tokens and cost of a trajectory.
 
     The cost is the transcript's own where it states one. Else it is by the card, where the card has
     the model and the transcript states the tokens of the whole trial; null otherwise: of a trial
     that was ended they are not known.
     """
-    usage = usage_of(trajectory)
+    usage = total_usage(trajectory)
     if usage.cost_usd is not None:
         return replace(usage, cost_source="transcript")
     total = trajectory.final_metrics
-    price = prices.price_of(model)
+    price = prices.find_price(model)
     if (
         price is None
         or not isinstance(total, AtifFinalMetrics)

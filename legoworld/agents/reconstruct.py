@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.recorded_steps import may_continue
-from legoworld.agents.stopping import Stop
+from legoworld.agents.stop import Stop
 from legoworld.agents.trial import run_trial
 from legoworld.agents.trial_plan import TrialPlan
-from legoworld.agents.unfinished import (
+from legoworld.agents.unfinished_trial import (
     begun_before,
-    finished,
+    mark_finished,
     remove_finished,
     unfinished_trial,
 )
@@ -88,7 +88,7 @@ def reconstruct(
         next_step="wait for the other run, end it, or pass another -o",
     )
     with held_folder(output, refused):
-        return _made(
+        return _run_trials(
             plan,
             output,
             images=images,
@@ -99,7 +99,7 @@ def reconstruct(
         )
 
 
-def _made(
+def _run_trials(
     plan: TrialPlan,
     output: Path,
     *,
@@ -115,13 +115,13 @@ def _made(
         for run in range(1, repeat + 1)
         for image in images
     ]
-    kept = [row for item in items if (row := _kept(item, plan)) is not None]
+    kept = [row for item in items if (row := _existing_row(item, plan)) is not None]
     done = {(row.run, row.image_id) for row in kept}
     todo = [item for item in items if (item.run, item.image.id) not in done]
     progress.total(len(items))
     for row in kept:
         progress.row(row)
-    job = Job(make=partial(_Trials, plan), lost=_lost)
+    job = Job(make=partial(_Trials, plan), lost=_lost_row)
     rows = list(kept)
     if todo:
         with closing(ENGINES[engine](job, todo, workers)) as made:
@@ -141,14 +141,14 @@ class _Trials:
 
     def do(self, item: TrialItem) -> TrialRow:
         try:
-            return self._made(item)
+            return self._run_trial(item)
         except LegoWorldError as error:
             status: Outcome = "no_photo" if error.code == "no_photo" else "failed"
             return _row(item, status, str(error))
         except OSError as error:
             return _row(item, "failed", cause(error))
 
-    def _made(self, item: TrialItem) -> TrialRow:
+    def _run_trial(self, item: TrialItem) -> TrialRow:
         target = item.scenes / item.image.scene
         stays = may_continue(self._plan, item.image)
         with unfinished_trial(item.scenes, item.image, stays=stays) as unfinished:
@@ -157,9 +157,9 @@ class _Trials:
             if target.exists():  # of an agent that failed, which is tried again
                 shutil.rmtree(target)
             target.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.made.rename(target)
-            finished(unfinished)
-        return row_of(result, item.run)
+            unfinished.scene_folder.rename(target)
+            mark_finished(unfinished)
+        return trial_row(result, item.run)
 
     def abort(self) -> None:
         self._stop.now()
@@ -169,7 +169,7 @@ class _Trials:
         self._blender.close()
 
 
-def row_of(result: ReconstructionFile, run: int, *, kept: bool = False) -> TrialRow:
+def trial_row(result: ReconstructionFile, run: int, *, kept: bool = False) -> TrialRow:
     """The row of a trial that left its reconstruction.json."""
     return TrialRow(
         image_id=result.image_id,
@@ -189,7 +189,7 @@ def _scenes(output: Path, run: int, repeat: int) -> Path:
     return output if repeat == 1 else output / f"run_{run}"
 
 
-def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
+def _existing_row(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
     """The row of a trial that is there; None for one to make.
 
     UsageError for a scene folder that no trial made, and for a trial of another campaign: an agent,
@@ -215,13 +215,13 @@ def _kept(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
     if finished.status in _AGAIN:
         return None
     remove_finished(item.scenes, item.image)
-    return row_of(finished, item.run, kept=True)
+    return trial_row(finished, item.run, kept=True)
 
 
 def _refuse_other_campaign(
     recorded: ReconstructionFile | BegunTrial, plan: TrialPlan, target: Path
 ) -> None:
-    used = plan.plugin.used if plan.plugin else None
+    used = plan.plugin.provenance if plan.plugin else None
     theirs_used = recorded.plugin if isinstance(recorded, ReconstructionFile) else None
     ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used)
     theirs = (recorded.card_sha256, recorded.prompt_sha256, recorded.time_limit_s, theirs_used)
@@ -246,5 +246,5 @@ def _row(item: TrialItem, status: Outcome, reason: str) -> TrialRow:
     )
 
 
-def _lost(item: TrialItem, what: str) -> TrialRow:
+def _lost_row(item: TrialItem, what: str) -> TrialRow:
     return _row(item, "failed", str(machine_lost(what)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from legoworld.agents.cutting import cut_program, saving_step
+from legoworld.agents.program_steps import cut_program, saving_step
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.workspaces import Workspace
 from legoworld.errors import LegoWorldError
@@ -21,13 +21,13 @@ class StepsUnusableError(LegoWorldError):
     code = "steps_unusable"
 
 
-def steps_of(
+def remaining_steps(
     plan: TrialPlan, image: TrackImage, workspace: Workspace, calls: Sequence[Call]
 ) -> list[RecordedStep] | None:
     """The steps that are left to play after these calls; None for an agent that plays none."""
     if plan.programs is None:
         return None
-    recorded = _recorded(plan.programs, image)
+    recorded = _recording_path(plan.programs, image)
     if recorded.is_file():
         text = recorded.read_text(encoding="utf-8")
         text = text.replace("{workspace}", str(workspace.folder))
@@ -57,7 +57,7 @@ def may_continue(plan: TrialPlan, image: TrackImage) -> bool:
     """
     if plan.card.about.resume == "restart" or plan.plugin is not None:
         return False
-    return plan.programs is None or _recorded(plan.programs, image).is_file()
+    return plan.programs is None or _recording_path(plan.programs, image).is_file()
 
 
 def steps_left(steps: Sequence[RecordedStep], calls: Sequence[Call]) -> list[RecordedStep]:
@@ -82,10 +82,10 @@ def steps_left(steps: Sequence[RecordedStep], calls: Sequence[Call]) -> list[Rec
     return list(steps[done:])
 
 
-def text_of(steps: Sequence[RecordedStep]) -> str:
+def encode_steps(steps: Sequence[RecordedStep]) -> str:
     """Steps as the player reads them."""
     return "".join(canonical(step) + "\n" for step in steps)
 
 
-def _recorded(programs: Path, image: TrackImage) -> Path:
+def _recording_path(programs: Path, image: TrackImage) -> Path:
     return programs / f"{image.scene}.steps.jsonl"

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TypedDict
 
 from legoworld.agents.agent_cards import agent_problems, load_agent
+from legoworld.agents.exposed_paths import refuse_exposed, version_in_sandbox
 from legoworld.agents.prices import read_prices
-from legoworld.agents.shown import refuse_shown, version_in_sandbox
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
-from legoworld.agents.workspaces import commission
+from legoworld.agents.workspaces import load_trial_setup
 from legoworld.errors import UsageError
 from legoworld.workers.protections import Confinement, protections
 from legoworld.workers.sandbox import SandboxLimits
@@ -71,9 +71,9 @@ def plan_run(
             found=model,
             expected="none, or an agent whose card has model_arguments",
         )
-    refuse_shown(card, [path for path in (track, photos, output) if path is not None])
+    refuse_exposed(card, [path for path in (track, photos, output) if path is not None])
     agent_held = protections(sandbox, network=about.network)
-    work = commission(track, photos, task, plugin.modules if plugin else ())
+    work = load_trial_setup(track, photos, task, plugin.modules if plugin else ())
     return TrialPlan(
         card=card,
         agent_version=version_in_sandbox(card, agent_held),

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.agent_process import Order, output_name, run_agent
-from legoworld.agents.recorded_steps import steps_of, text_of
-from legoworld.agents.stopping import Stop
+from legoworld.agents.recorded_steps import encode_steps, remaining_steps
+from legoworld.agents.stop import Stop
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, served_plugin
 from legoworld.agents.trial_result import TrialOutcome, write_result
-from legoworld.agents.unfinished import Unfinished, identity
-from legoworld.agents.workspaces import Workspace, make_workspace, workspace_of
+from legoworld.agents.unfinished_trial import UnfinishedTrial, identity
+from legoworld.agents.workspaces import Workspace, make_workspace, plan_workspace
 from legoworld.endpoint.finalisation import finalise
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
@@ -26,11 +26,11 @@ from legoworld.errors import LegoWorldError
 from legoworld.records.agents import EndedAgent, ReconstructionFile, RecordedStep
 from legoworld.records.atif import AtifTrajectory
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.track_making.making import find_photo
+from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
+from legoworld.trajectories.call_steps import add_calls
 from legoworld.trajectories.folder import TRIAL
-from legoworld.trajectories.joining import joined
-from legoworld.trajectories.matching import with_calls
+from legoworld.trajectories.join_parts import join_trajectories
 from legoworld.trajectories.transcripts import read_transcript
 
 _KEPT_OUTPUT: Final = 4096
@@ -44,22 +44,26 @@ class NoPhotoError(LegoWorldError):
 
 
 def run_trial(
-    plan: TrialPlan, image: TrackImage, unfinished: Unfinished, blender: BlenderProcess, stop: Stop
+    plan: TrialPlan,
+    image: TrackImage,
+    unfinished: UnfinishedTrial,
+    blender: BlenderProcess,
+    stop: Stop,
 ) -> ReconstructionFile:
     """Build one image's scene folder in `unfinished.made`, or go on where a kill has left it.
 
     LegoWorldError where the trial cannot begin, and where it is stopped.
     """
     begun = time.monotonic()
-    workspace, parts = _begun(plan, image, unfinished)
-    ended, record = unfinished.ended(), TrialRecord(unfinished.made / TRIAL)
+    workspace, parts = _open_workspace(plan, image, unfinished)
+    ended, record = unfinished.read_ended(), TrialRecord(unfinished.scene_folder / TRIAL)
     if ended is None:
         ended, record = _agent_part(plan, image, unfinished, workspace, len(parts) > 1, stop)
         stop.check()
         unfinished.note_ended(ended)
     finalised = finalise(
         record,
-        unfinished.made,
+        unfinished.scene_folder,
         workspace=workspace.folder,
         limits=plan.limits,
         held=plan.blender_held,
@@ -74,15 +78,15 @@ def run_trial(
         continued=len(parts) - 1,
     )
     stop.check()
-    return write_result(plan, image, unfinished.made, outcome, blender)
+    return write_result(plan, image, unfinished.scene_folder, outcome, blender)
 
 
-def _begun(
-    plan: TrialPlan, image: TrackImage, unfinished: Unfinished
+def _open_workspace(
+    plan: TrialPlan, image: TrackImage, unfinished: UnfinishedTrial
 ) -> tuple[Workspace, tuple[int, ...]]:
     """The new or resumed workspace, and the numbers of the trial's parts, this one last."""
-    before, limit_s = unfinished.begun(), plan.limits.time_s
-    if before is None or not unfinished.made.is_dir():
+    before, limit_s = unfinished.read_begun(), plan.limits.time_s
+    if before is None or not unfinished.scene_folder.is_dir():
         unfinished.clear()
         made = make_workspace(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
         if made is None:
@@ -91,11 +95,11 @@ def _begun(
         return made, (0,)
     unfinished.keep_trial_alone()
     parts = before.parts
-    if unfinished.ended() is None:
+    if unfinished.read_ended() is None:
         unfinished.put_part_aside(output_name(plan.card))
-        parts = (*parts, len(TrialRecord(unfinished.made / TRIAL).calls))
+        parts = (*parts, len(TrialRecord(unfinished.scene_folder / TRIAL).calls))
         unfinished.note_begun(identity(plan, image, parts))
-    workspace = workspace_of(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
+    workspace = plan_workspace(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
     if workspace is None:
         raise _no_photo(plan, image)
     return workspace, parts
@@ -112,7 +116,7 @@ def _no_photo(plan: TrialPlan, image: TrackImage) -> NoPhotoError:
 def _agent_part(
     plan: TrialPlan,
     image: TrackImage,
-    unfinished: Unfinished,
+    unfinished: UnfinishedTrial,
     workspace: Workspace,
     continues: bool,
     stop: Stop,
@@ -121,7 +125,7 @@ def _agent_part(
     steps: list[RecordedStep] | None = None
     trial = Trial(
         workspace=workspace.folder,
-        record=unfinished.made / TRIAL,
+        record=unfinished.scene_folder / TRIAL,
         limits=plan.limits,
         held=plan.blender_held,
         lease=unfinished.lease,
@@ -129,11 +133,11 @@ def _agent_part(
     with (
         closing(Session(trial)) as session,
         EndpointServer(session, 0) as server,
-        _plugin(plan, image, session, unfinished.made) as plugin_port,
+        _plugin(plan, image, session, unfinished.scene_folder) as plugin_port,
     ):
         record = session.record
         record.drop_unanswered()
-        steps = steps_of(plan, image, workspace, record.calls)
+        steps = remaining_steps(plan, image, workspace, record.calls)
         used_s = max((call.at_s + call.seconds for call in record.calls), default=0.0)
         left_s = plan.limits.time_s - used_s
         if left_s <= 0:
@@ -145,7 +149,7 @@ def _agent_part(
             workspace=workspace,
             port=server.port,
             plugin_port=plugin_port,
-            steps=None if steps is None else text_of(steps),
+            steps=None if steps is None else encode_steps(steps),
             model=plan.model,
             held=plan.agent_held,
             limits=replace(plan.limits, time_s=left_s),
@@ -178,7 +182,7 @@ def _plugin(
 
 def _trajectory(
     plan: TrialPlan,
-    unfinished: Unfinished,
+    unfinished: UnfinishedTrial,
     workspace: Workspace,
     record: TrialRecord,
     parts: tuple[int, ...],
@@ -194,5 +198,5 @@ def _trajectory(
             version=plan.agent_version or plan.card.about.version,
             prompt=workspace.prompt,
         )
-        read.append(with_calls(part, record.calls[begin:end]))
-    return joined(read)
+        read.append(add_calls(part, record.calls[begin:end]))
+    return join_trajectories(read)

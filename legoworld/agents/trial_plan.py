@@ -8,7 +8,7 @@ from pathlib import Path
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.prices import PriceCard
 from legoworld.agents.trial_plugin import PluginPlan
-from legoworld.agents.workspaces import Commission
+from legoworld.agents.workspaces import TrialSetup
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 
@@ -24,7 +24,7 @@ class TrialPlan:
 
     card: AgentCard
     agent_version: str | None
-    work: Commission
+    work: TrialSetup
     limits: SandboxLimits
     agent_held: Protections
     blender_held: Protections

@@ -10,23 +10,29 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.plugin_host import PluginHost
-from legoworld.agents.workspaces import Commission
+from legoworld.agents.workspaces import TrialSetup
 from legoworld.endpoint.listener import HOST
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.plugin.evidence_making import Given, make_evidence
-from legoworld.plugin.evidence_runs import covers, depth_file, photos_of, run_of, usable_run
+from legoworld.plugin.evidence_runs import (
+    covers,
+    depth_file,
+    find_run,
+    read_photo_hashes,
+    usable_run,
+)
 from legoworld.plugin.ledger import read_ledger
+from legoworld.plugin.make_evidence import UserEvidence, make_evidence
 from legoworld.plugin.modules import MODULES
-from legoworld.plugin.serving import require_server
-from legoworld.pluralize import counted
+from legoworld.plugin.serve import require_server
+from legoworld.pluralize import plural
 from legoworld.records.agents import PluginCalls
-from legoworld.records.folders.run_reading import RUN
+from legoworld.records.folders.read_run import RUN
 from legoworld.records.plugin_modules import Module, PluginUsed
-from legoworld.track_making.making import find_photo
+from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.version import __version__
@@ -56,12 +62,12 @@ class PluginPlan:
     vocabulary: Vocabulary | None
 
     @property
-    def used(self) -> PluginUsed:
+    def provenance(self) -> PluginUsed:
         """The entry in provenance.json."""
         return PluginUsed(version=__version__, modules=self.options.modules)
 
 
-def plan_plugin(options: PluginOptions, work: Commission) -> PluginPlan:
+def plan_plugin(options: PluginOptions, work: TrialSetup) -> PluginPlan:
     """The plan, checked before the first trial.
 
     InstallationError without the extra, EvidenceInvalidError for evidence made with ground truth or
@@ -86,24 +92,24 @@ def plan_plugin(options: PluginOptions, work: Commission) -> PluginPlan:
 def _runs(options: PluginOptions) -> list[Path]:
     """The run folders among what is given, each once."""
     given = [*options.regions, *([] if options.depth is None else [options.depth])]
-    return [path for path in dict.fromkeys(given) if run_of(path)]
+    return [path for path in dict.fromkeys(given) if find_run(path)]
 
 
-def _check_shared(runs: list[Path], work: Commission) -> None:
+def _check_shared(runs: list[Path], work: TrialSetup) -> None:
     """EvidenceInvalidError for a run that covers none of the trials' photos.
 
     It would give every trial a plugin without evidence. A run of some of them is used for those.
     """
     if not runs:
         return
-    found = [find_photo(work.photos, image) for image in work.track.images]
-    hashes = {sha256_of_file(path) for path in found if path is not None}
+    photos = [find_photo(work.photos, image) for image in work.track.images]
+    hashes = {sha256_of_file(path) for path in photos if path is not None}
     for run in runs:
-        theirs = photos_of(run)
+        theirs = read_photo_hashes(run)
         if hashes and not theirs & hashes:
             raise EvidenceInvalidError(
                 f"{run.name} covers none of the track's photos",
-                found=f"{counted(len(theirs), 'photo', 'photos')} in the run, none of the hashes "
+                found=f"{plural(len(theirs), 'photo', 'photos')} in the run, none of the hashes "
                 f"of the track's {len(hashes)}",
                 expected="a run over photos of this track, unchanged",
                 next_step="run the baseline on this track and --photos, or leave the run out",
@@ -112,7 +118,7 @@ def _check_shared(runs: list[Path], work: Commission) -> None:
 
 def _regions(path: Path) -> Path:
     """A run folder that can be used, or a results file that no run stands for."""
-    run = run_of(path)
+    run = find_run(path)
     if run is None and not path.is_file():
         raise EvidenceInvalidError(
             f"{path.name} holds no regions",
@@ -126,7 +132,7 @@ def _regions(path: Path) -> Path:
 
 def _depth(folder: Path) -> Path:
     """A run folder that can be used, or a folder of arrays."""
-    run = run_of(folder)
+    run = find_run(folder)
     if run is not None:
         usable_run(run)
     return run or folder
@@ -146,7 +152,7 @@ def served_plugin(
         command = [
             *(sys.executable, "-m", "legoworld", "plugin", "serve"),
             *("--ledger", str(record), "--blender", f"{HOST}:{blender.port}"),
-            *(word for m in _off(plan.options.modules) for word in ("--without", m)),
+            *(word for m in _disabled_modules(plan.options.modules) for word in ("--without", m)),
         ]
         if "evidence" in plan.options.modules:
             _make_evidence(plan, image, photo, record / _EVIDENCE)
@@ -155,7 +161,7 @@ def served_plugin(
             yield host
 
 
-def calls_of(record: Path) -> PluginCalls:
+def read_plugin_calls(record: Path) -> PluginCalls:
     """Count a trial's plugin calls from its ledger."""
     ledger = read_ledger(record)
     entries = [entry for entry in ledger if entry.tool not in ("serve", "resume")]
@@ -174,12 +180,12 @@ def calls_of(record: Path) -> PluginCalls:
 def _make_evidence(plan: PluginPlan, image: TrackImage, photo: Path, into: Path) -> None:
     options, photo_sha256 = plan.options, sha256_of_file(photo)
     array = None
-    if options.depth is not None and not run_of(options.depth):
+    if options.depth is not None and not find_run(options.depth):
         array = depth_file(options.depth, image.file_name)
     make_evidence(
-        Given(
+        UserEvidence(
             photo=photo,
-            regions=[path for path in options.regions if not run_of(path)],
+            regions=[path for path in options.regions if not find_run(path)],
             image_id=image.id,
             vocabulary=plan.vocabulary,
             depth=array[0] if array else None,
@@ -193,5 +199,5 @@ def _make_evidence(plan: PluginPlan, image: TrackImage, photo: Path, into: Path)
     )
 
 
-def _off(modules: tuple[Module, ...]) -> list[Module]:
+def _disabled_modules(modules: tuple[Module, ...]) -> list[Module]:
     return [module for module in MODULES if module not in modules]

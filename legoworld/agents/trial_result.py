@@ -8,9 +8,9 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from legoworld.agents.prices import used, with_cost
+from legoworld.agents.prices import compute_usage, with_cost
 from legoworld.agents.trial_plan import TrialPlan
-from legoworld.agents.trial_plugin import PLUGIN, calls_of
+from legoworld.agents.trial_plugin import PLUGIN, read_plugin_calls
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import one_line
@@ -46,8 +46,8 @@ def write_result(
     """Write the provenance files of a scene folder, then freeze it."""
     result = _result(plan, image, outcome)
     if plan.plugin is not None:
-        calls = calls_of(made / TRIAL / PLUGIN)
-        result = replace(result, plugin=plan.plugin.used, plugin_calls=calls)
+        calls = read_plugin_calls(made / TRIAL / PLUGIN)
+        result = replace(result, plugin=plan.plugin.provenance, plugin_calls=calls)
     write_text(made / TRAJECTORY, readable(with_cost(outcome.trajectory, result.usage)))
     write_text(made / PROVENANCE, readable(_provenance(plan, result)))
     write_text(made / RECONSTRUCTION, readable(result))
@@ -82,7 +82,7 @@ def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> Recons
         calls=len(calls),
         failed_calls=sum(call.status != "success" for call in calls),
         checkpoints=len(record.checkpoints),
-        usage=used(trajectory, model, plan.prices),
+        usage=compute_usage(trajectory, model, plan.prices),
         finalisation=outcome.finalised,
         agent_sandbox=plan.agent_held.record(),
         blender_sandbox=plan.blender_held.record(),

@@ -19,7 +19,7 @@ from legoworld.records.plugin_modules import Module
 from legoworld.records.track import PRIVATE_KEYS
 from legoworld.tasks.registry import task_names
 from legoworld.tasks.shipped import BENCH
-from legoworld.track_making.making import find_photo
+from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import Track, TrackImage, load_track
 
 _PLAIN: Final = Path(__file__).with_name("prompts") / "plain.md"
@@ -41,7 +41,7 @@ PROMPT: Final = "prompt.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Commission:
+class TrialSetup:
     """Settings shared by all trials of a run.
 
     entries: each image as the track has it, by id; schema: the task's public instructions;
@@ -72,9 +72,9 @@ class Workspace:
     prompt: str
 
 
-def commission(
+def load_trial_setup(
     track_path: Path, photos: Path, task: str | None, plugin: Sequence[Module] = ()
-) -> Commission:
+) -> TrialSetup:
     """Load a track for its trials. UsageError if its task cannot be determined.
 
     plugin: enabled modules, which the prompt then describes.
@@ -95,7 +95,7 @@ def commission(
         reading = protocol(name, track.vocabulary)
         schema = instructions_text(instructions(reading))
         vocabulary = reading.vocabulary.sha256 if reading.vocabulary else None
-    return Commission(
+    return TrialSetup(
         track=track,
         entries=entries,
         categories=[str(c["name"]) for c in document.get("categories", [])],
@@ -116,13 +116,13 @@ def _template(plugin: Sequence[Module]) -> str:
 
 
 def make_workspace(
-    work: Commission, image: TrackImage, folder: Path, *, time_limit_s: float
+    work: TrialSetup, image: TrackImage, folder: Path, *, time_limit_s: float
 ) -> Workspace | None:
     """Fill an empty folder for one image; None where its photo is not there.
 
     Public metadata is the image's entry in the track, which holds no annotation.
     """
-    made = workspace_of(work, image, folder, time_limit_s=time_limit_s)
+    made = plan_workspace(work, image, folder, time_limit_s=time_limit_s)
     photo = find_photo(work.photos, image)
     if made is None or photo is None:
         return None
@@ -139,8 +139,8 @@ def make_workspace(
     return made
 
 
-def workspace_of(
-    work: Commission, image: TrackImage, folder: Path, *, time_limit_s: float
+def plan_workspace(
+    work: TrialSetup, image: TrackImage, folder: Path, *, time_limit_s: float
 ) -> Workspace | None:
     """The workspace of one image in a folder, made or not; None where its photo is not there."""
     photo = find_photo(work.photos, image)
@@ -161,11 +161,11 @@ def workspace_of(
     return Workspace(folder=folder, image=copy, prompt=prompt)
 
 
-def _public(work: Commission, image: TrackImage) -> dict[str, Any]:
+def _public(work: TrialSetup, image: TrackImage) -> dict[str, Any]:
     return {k: v for k, v in work.entries[image.id].items() if k not in PRIVATE_KEYS}
 
 
-def _categories(work: Commission) -> str:
+def _categories(work: TrialSetup) -> str:
     if not work.categories:
         return ""
     return f"\nThe categories of objects that may appear: {', '.join(work.categories)}.\n"

@@ -30,7 +30,7 @@ _LONGEST_NAME: Final = 255
 _LONGEST_PATH: Final = 4095
 
 
-def checked(function: Callable[P, R]) -> Callable[P, R]:
+def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Have every argument that `CHECKS` knows looked at before the function begins."""
     signature = inspect.signature(function)
 
@@ -50,19 +50,19 @@ def check_argument(name: str, value: object) -> None:
     if expected:
         raise UsageError(
             f"the argument {name} cannot be used",
-            found=_shown(value),
+            found=_format_value(value),
             expected=expected,
         )
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     if isinstance(value, np.ndarray):
         return f"an array of {value.dtype} of shape {value.shape}"
     text = repr(value)
     return text if len(text) <= 100 else f"{text[:80]}... ({len(text):,} characters)"
 
 
-def _path(value: object) -> str | None:
+def _check_path(value: object) -> str | None:
     if not isinstance(value, str | Path) or not str(value):
         return "a path: text or pathlib.Path"
     if "\0" in str(value):
@@ -76,7 +76,7 @@ def _path(value: object) -> str | None:
     return None
 
 
-def _whole(least: int, most: int = _LARGEST) -> _Check:
+def _check_integer(least: int, most: int = _LARGEST) -> _Check:
     def check(value: object) -> str | None:
         fine = isinstance(value, numbers.Integral) and not isinstance(value, bool)
         if fine and least <= int(cast("int", value)) <= most:
@@ -86,13 +86,13 @@ def _whole(least: int, most: int = _LARGEST) -> _Check:
     return check
 
 
-def _positive(value: object) -> str | None:
+def _check_positive(value: object) -> str | None:
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     fine = real and 0 < value < _LARGEST  # type: ignore[operator]
     return None if fine else "a finite number above 0"
 
 
-def _pair(check: _Check, expected: str) -> _Check:
+def _check_pair(check: _Check, expected: str) -> _Check:
     def both(value: object) -> str | None:
         fine = isinstance(value, tuple | list) and len(value) == 2
         return None if fine and not any(map(check, cast("list[Any]", value))) else expected
@@ -100,7 +100,7 @@ def _pair(check: _Check, expected: str) -> _Check:
     return both
 
 
-def _each(check: _Check, expected: str) -> _Check:
+def _check_each(check: _Check, expected: str) -> _Check:
     def every(value: object) -> str | None:
         if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
             return expected
@@ -121,13 +121,13 @@ def _or_none(check: _Check) -> _Check:
     return lambda value: None if value is None else check(value)
 
 
-def _text(value: object) -> str | None:
+def _check_text(value: object) -> str | None:
     return None if isinstance(value, str) else "text"
 
 
-def _photo(value: object) -> str | None:
+def _check_photo(value: object) -> str | None:
     if not isinstance(value, np.ndarray):
-        return _path(value)
+        return _check_path(value)
     fine = value.dtype == np.uint8 and value.ndim == 3 and value.shape[2] == 3
     return None if fine else "an (H, W, 3) array of uint8, or a path"
 
@@ -149,39 +149,41 @@ def _by_task(check: _Check, expected: str) -> _Check:
     return each
 
 
-def _shard(value: object) -> str | None:
+def _check_shard(value: object) -> str | None:
     expected = "(i, n), integers with 1 <= i <= n"
-    wrong = _pair(_whole(1), expected)(value)
+    wrong = _check_pair(_check_integer(1), expected)(value)
     return wrong or (None if value[0] <= value[1] else expected)  # type: ignore[index]
 
 
-def _evaluation(value: object) -> str | None:
+def _check_evaluation(value: object) -> str | None:
     one = hasattr(value, "summary") or isinstance(value, Mapping)
-    return None if one and hasattr(value, "folder") else _path(value)
+    return None if one and hasattr(value, "folder") else _check_path(value)
 
 
 _SIZE: Final = f"(width, height), integers of 1 to {_LONGEST_PX}"
 CHECKS: Final[dict[str, _Check]] = {
-    **dict.fromkeys(("scenes", "output", "folder", "run"), _path),
-    "truth": _by_task(_path, "ground truths by task"),
-    "track": _or_none(_by_task(_of_kind(Track, _path), "tracks by task")),
-    "cache": _of_kind(bool, _path),
-    "photo": _or_none(_photo),
-    "evaluations": _each(_evaluation, "evaluations or their folders"),
+    **dict.fromkeys(("scenes", "output", "folder", "run"), _check_path),
+    "truth": _by_task(_check_path, "ground truths by task"),
+    "track": _or_none(_by_task(_of_kind(Track, _check_path), "tracks by task")),
+    "cache": _of_kind(bool, _check_path),
+    "photo": _or_none(_check_photo),
+    "evaluations": _check_each(_check_evaluation, "evaluations or their folders"),
     "task": _or_none(_task),
     "source": _one_of("blend", "glb"),
     "engine": _one_of(*ENGINES),
     "evaluator": _or_none(_one_of("official", "fast")),
     "camera_model": _or_none(_one_of("none", "dataset")),
-    "reference_sampling": _or_none(_text),
-    "size_wh": _or_none(_pair(_whole(1, _LONGEST_PX), _SIZE)),
-    "shard": _or_none(_shard),
-    "image_ids": _each(_whole(0), "image ids"),
-    "image_id": _whole(0),
-    "instance_id": _whole(0),
-    "fail_below": _each(_text, "METRIC=DELTA texts"),
-    **dict.fromkeys(("workers", "limit", "images_per_file", "max_side"), _or_none(_whole(1))),
-    "draws": _or_none(_whole(1)),
-    "seed": _whole(0),
-    **dict.fromkeys(("time_limit_s", "memory_limit_gib"), _positive),
+    "reference_sampling": _or_none(_check_text),
+    "size_wh": _or_none(_check_pair(_check_integer(1, _LONGEST_PX), _SIZE)),
+    "shard": _or_none(_check_shard),
+    "image_ids": _check_each(_check_integer(0), "image ids"),
+    "image_id": _check_integer(0),
+    "instance_id": _check_integer(0),
+    "fail_below": _check_each(_check_text, "METRIC=DELTA texts"),
+    **dict.fromkeys(
+        ("workers", "limit", "images_per_file", "max_side"), _or_none(_check_integer(1))
+    ),
+    "draws": _or_none(_check_integer(1)),
+    "seed": _check_integer(0),
+    **dict.fromkeys(("time_limit_s", "memory_limit_gib"), _check_positive),
 }

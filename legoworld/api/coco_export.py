@@ -11,11 +11,15 @@ from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
     areas_px,
     bounding_box,
-    compressed,
+    compress_mask,
 )
 from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
-from legoworld.evaluation.detection.inputs.prediction_order import order_of
-from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
+from legoworld.evaluation.detection.inputs.prediction_order import configured_order
+from legoworld.evaluation.detection.inputs.predictions import (
+    Predictions,
+    check_results,
+    prediction_type,
+)
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import (
     Run,
@@ -36,9 +40,9 @@ from legoworld.records.coco_file import (
 )
 from legoworld.records.predictions import Box, Rle
 from legoworld.shipped import catalog
-from legoworld.tasks.registry import family_of, tasks_of
+from legoworld.tasks.registry import family_tasks, find_family
 from legoworld.tasks.shipped import DETECTION
-from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.track import load_track
 from legoworld.tracks.vocabulary import Vocabulary, load
 
@@ -57,10 +61,10 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
             next_step="choose another -o, or pass --overwrite",
         )
     run = read_run(run_folder)
-    if family_of(run.task) != DETECTION:
+    if find_family(run.task) != DETECTION:
         raise UsageError(
             f"a run of {run.task} has no boxes or masks",
-            expected=f"a run of {', '.join(task.name for task in tasks_of(DETECTION))}",
+            expected=f"a run of {', '.join(task.name for task in family_tasks(DETECTION))}",
             next_step="read depth from the run's own files, one per photo",
         )
     vocabulary = _vocabulary(run, track)
@@ -86,7 +90,7 @@ def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
     expected = run.configuration.vocabulary_sha256
     vocabulary = load_track(track).vocabulary if track is not None else None
     if vocabulary is None:
-        vocabulary = load(catalog.folder("datasets") / dataset_of(run.task) / "categories.json")
+        vocabulary = load(catalog.folder("datasets") / find_dataset(run.task) / "categories.json")
     if vocabulary.sha256 != expected:
         raise UsageError(
             "the names of the run's categories are unknown",
@@ -110,12 +114,12 @@ def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> Co
 
 def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
     return check_results(
-        read_predictions(run, kind_of(detection_protocol(run.task))),
+        read_predictions(run, prediction_type(detection_protocol(run.task))),
         status_by_image={i.image_id: i.status for i in run.images},
         sizes_wh={i.image_id: i.size_wh for i in run.images if i.size_wh is not None},
         vocabulary=vocabulary,
         protocol=detection_protocol(run.task),
-        order=order_of(run.configuration),
+        order=configured_order(run.configuration),
         check_boxes=check_box_values,
     )
 
@@ -161,7 +165,7 @@ def _extents(predictions: PredictionColumns) -> list[tuple[Box, float]]:
 
 
 def _mask(rle: Rle) -> EncodedMask:
-    return compressed({"size": [*rle.size], "counts": rle.counts}, rle.size)
+    return compress_mask({"size": [*rle.size], "counts": rle.counts}, rle.size)
 
 
 def _readable(document: CocoFile) -> str:

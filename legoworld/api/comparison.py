@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, Unpack, overload
 
-from legoworld.api.arguments import checked
+from legoworld.api.arguments import check_arguments
 from legoworld.api.by_task import ByTask, refuse_result_at
 from legoworld.api.evaluation import Evaluation
-from legoworld.api.listening import SILENT, Listener
+from legoworld.api.listener import SILENT, Listener
 from legoworld.comparison.folder import COMPARISON
-from legoworld.comparison.making import make_comparison
-from legoworld.comparison.tables import Document, comparisons_of
-from legoworld.comparison.thresholds import Tripped, thresholds_by_task
+from legoworld.comparison.make_comparison import make_comparison
+from legoworld.comparison.tables import Document, list_comparisons
+from legoworld.comparison.thresholds import FailedThreshold, thresholds_by_task
 from legoworld.errors import UsageError
 from legoworld.records.base import as_json
 from legoworld.records.evidence import ComparisonSettings
@@ -26,7 +26,7 @@ class Comparison:
 
     folder: Path
     document: Document
-    below: tuple[Tripped, ...]
+    below: tuple[FailedThreshold, ...]
 
     @property
     def table(self) -> list[dict[str, Any]]:
@@ -50,7 +50,7 @@ class Comparison:
                 "low": row.difference.interval.low if row.difference.interval else None,
                 "high": row.difference.interval.high if row.difference.interval else None,
             }
-            for one in comparisons_of(self.document)
+            for one in list_comparisons(self.document)
             for pair in one.pairs
             for row in pair.rows
         ]
@@ -93,7 +93,7 @@ def compare(
     output: str | Path,
     **options: Unpack[ComparisonOptions],
 ) -> ByTask[Comparison]: ...
-@checked
+@check_arguments
 def compare(
     evaluations: Sequence[Evaluation | str | Path] | Sequence[ByTask[Evaluation]],
     output: str | Path,

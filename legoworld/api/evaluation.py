@@ -7,21 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, overload
 
-from legoworld.api.arguments import checked
+from legoworld.api.arguments import check_arguments
 from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
 from legoworld.api.family_options import options_by_task, own_options
-from legoworld.api.folders import place_of, read_from, written_whole
-from legoworld.api.listening import SILENT, Listener
+from legoworld.api.folders import parse_place, read_from, written_whole
+from legoworld.api.listener import SILENT, Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.family import EvaluationRequest, evaluation_of
-from legoworld.evaluation.opening import Origins
+from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
+from legoworld.evaluation.prepare_inputs import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import Coverage, Summary
-from legoworld.records.folders.evaluation_reading import EVIDENCE, read_image_rows, read_summary
+from legoworld.records.folders.read_evaluation import EVIDENCE, read_image_rows, read_summary
 from legoworld.remote import Place
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.tasks import WorkerPool
 
@@ -34,10 +34,10 @@ class Evaluation:
     summary: Summary
 
     @classmethod
-    @checked
+    @check_arguments
     def open(cls, folder: str | Path) -> Evaluation:
         """Open an existing evaluation. EvaluationFolderError for any other folder."""
-        place = place_of(folder)
+        place = parse_place(folder)
         with read_from(place) as here:
             return cls(folder=place, summary=read_summary(here))
 
@@ -49,13 +49,13 @@ class Evaluation:
     @property
     def metrics(self) -> dict[str, Any]:
         """Metric values as fractions; for depth a dict by hole policy."""
-        found: dict[str, Any] = {}
+        metrics: dict[str, Any] = {}
         for name, policy, value, _ in self.summary.metric_values():
-            if family_of(self.task).by_policy:
-                found.setdefault(name, {})[policy] = value
+            if find_family(self.task).by_policy:
+                metrics.setdefault(name, {})[policy] = value
             else:
-                found[name] = value
-        return found
+                metrics[name] = value
+        return metrics
 
     @property
     def coverage(self) -> Coverage:
@@ -127,7 +127,7 @@ def evaluate(
     truth: Mapping[str, str | Path],
     **options: Unpack[EvaluationOptions],
 ) -> ByTask[Evaluation]: ...
-@checked
+@check_arguments
 def evaluate(
     run: str | Path,
     output: str | Path,
@@ -161,7 +161,7 @@ def evaluate(
     PredictionsInvalidError, RunUnusableError and others. Of several tasks all are tried, and then
     the first error is raised.
     """
-    source, top = place_of(run), place_of(output)
+    source, top = parse_place(run), parse_place(output)
     request = _Request(
         draws=draws,
         seed=seed,
@@ -225,12 +225,12 @@ class _Request:
             if task not in (None, run.task):
                 raise UsageError(f"{task}/ holds another run", found=run.task, expected=task)
             listener.total(len(run.images))
-            summary = evaluation_of(run.task).evaluate(
+            summary = load_evaluation_family(run.task).evaluate(
                 EvaluationRequest(
                     run=here,
                     truth=truth,
                     output=folder,
-                    draws=self.draws or family_of(run.task).draws,
+                    draws=self.draws or find_family(run.task).draws,
                     seed=self.seed,
                     options=own_options(run.task, **given),
                     overwrite=self.overwrite,

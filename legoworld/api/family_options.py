@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.tasks.registry import family_of, known_tasks
+from legoworld.tasks.registry import find_family, known_tasks
 
 #: Parameters whose option has another name.
 _OPTIONS: Final = {"diagnostics": "--no-diagnostics", "render": "--no-render"}
@@ -27,7 +27,7 @@ def options_by_task(tasks: Sequence[str], **given: Any) -> dict[str, dict[str, A
     """
     named = {name: value for name, value in given.items() if value is not None}
     taken = {
-        task: {name: named[name] for name in named if name in family_of(task).options}
+        task: {name: named[name] for name in named if name in find_family(task).options}
         for task in tasks
     }
     for name in named:

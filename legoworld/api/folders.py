@@ -14,7 +14,7 @@ from legoworld.scene.cache import default_cache_folder, unwritable, why_unwritab
 from legoworld.workers.scratch import scratch_folder
 
 
-def place_of(folder: str | Path) -> Place:
+def parse_place(folder: str | Path) -> Place:
     """A path or URL in the form the rest of the package takes."""
     return folder if isinstance(folder, str) and is_url(folder) else Path(folder)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, TypedDict
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.family import EvaluationRequest, evaluation_of
+from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
 from legoworld.readouts.pictures import read_photo
 from legoworld.readouts.protocol import Protocol, protocol
 from legoworld.records.evaluation_summary import Summary
@@ -26,8 +26,8 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, Source, find_scene
 from legoworld.scene.programs.execution import execute
-from legoworld.track_making.family import track_of as track_source
-from legoworld.track_making.making import make_track
+from legoworld.track_making.family import load_track_family as track_source
+from legoworld.track_making.make_track import make_track
 from legoworld.tracks.track import Track, load_track, photo_names
 
 Say = Callable[[str], None]
@@ -210,6 +210,6 @@ def _look(request: PhotoRequest, scene: Path, reading: Protocol, folder: Path) -
 
 
 def _evaluate(request: PhotoRequest, run: Path, output: Path) -> Summary:
-    return evaluation_of(request.task).evaluate(
+    return load_evaluation_family(request.task).evaluate(
         EvaluationRequest(run=run, truth=request.truth, output=output, draws=_DRAWS, overwrite=True)
     )

@@ -10,23 +10,23 @@ from itertools import islice
 from pathlib import Path
 from typing import Final, Self
 
-from legoworld.api.arguments import check_argument, checked
+from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.scenes import Scene, SceneView
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
     Cache,
     Tracks,
-    limits_of,
-    protocol_of,
+    load_protocol,
+    make_limits,
     snapshot_cache,
     tracks_by_task,
 )
 from legoworld.errors import LegoWorldError, Raised, UsageError
 from legoworld.readouts.protocol import Protocol
+from legoworld.running.error_boundary import classify_error
 from legoworld.running.inspection import open_scene
 from legoworld.running.scene_views import SceneViews
-from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
 from legoworld.visibility.library import library
@@ -67,7 +67,7 @@ class Reader:
     reader for all scenes. Only one thread at a time may call `read`.
     """
 
-    @checked
+    @check_arguments
     def __init__(
         self,
         *,
@@ -93,7 +93,7 @@ class Reader:
         self._source: Source = source
         self._cache = snapshot_cache(cache)
         self._require_frozen = require_frozen
-        limits = limits_of(time_limit_s, memory_limit_gib)
+        limits = make_limits(time_limit_s, memory_limit_gib)
         self._threads = max(1, usable_cores() // n)
         self._made = [BlenderProcess(limits) for _ in range(n)]
         self._idle: queue.LifoQueue[BlenderProcess] = queue.LifoQueue()
@@ -158,7 +158,7 @@ class Reader:
             )
             seen = self._views(Scene(opened), size_wh)
         except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
-            verdict = judged(error, [self._cache.folder] if self._cache else [])
+            verdict = classify_error(error, [self._cache.folder] if self._cache else [])
             return Reading(scene=folder, status=verdict.status, view=None, error=verdict)
         finally:
             self._idle.put(blender)
@@ -185,12 +185,12 @@ def _protocols(task: str | Sequence[str] | None, track: Tracks) -> list[Protocol
     if task is None:
         if isinstance(track, Mapping):
             raise UsageError("tracks by task need their tasks", next_step="pass task=[...] as well")
-        return [protocol_of(None, track)]
+        return [load_protocol(None, track)]
     tasks = [task] if isinstance(task, str) else list(task)
     if not tasks:
         raise UsageError("a reader of several tasks needs one", found="an empty list")
     tracks = tracks_by_task(tasks, track)
-    return [protocol_of(one, tracks.get(one)) for one in tasks]
+    return [load_protocol(one, tracks.get(one)) for one in tasks]
 
 
 def _folder(scene: str | Path) -> Path:

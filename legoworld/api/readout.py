@@ -9,25 +9,25 @@ from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
-from legoworld.api.arguments import checked
+from legoworld.api.arguments import check_arguments
 from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
 from legoworld.api.family_options import options_by_task
-from legoworld.api.folders import place_of, written_at
-from legoworld.api.listening import SILENT, Listener
+from legoworld.api.folders import parse_place, written_at
+from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
     Cache,
     Tracks,
-    limits_of,
+    make_limits,
     snapshot_cache,
     tracks_by_task,
 )
 from legoworld.errors import CatalogError, UsageError
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import as_json
-from legoworld.records.folders.run_reading import CONFIGURATION, RUN
+from legoworld.records.folders.read_run import CONFIGURATION, RUN
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.remote import Place
@@ -119,7 +119,7 @@ def readout(
     task: list[str] | tuple[str, ...],
     **options: Unpack[ReadoutOptions],
 ) -> ByTask[Run]: ...
-@checked
+@check_arguments
 def readout(
     scenes: str | Path,
     output: str | Path,
@@ -166,7 +166,7 @@ def readout(
     KernelBuildError before anything is read.
     """
     tasks = [task] if isinstance(task, str) else _distinct(task)
-    place, top = place_of(scenes), place_of(output)
+    place, top = parse_place(scenes), parse_place(output)
     folders = {name: top if isinstance(task, str) else folder_of_task(top, name) for name in tasks}
     if not isinstance(task, str):
         refuse_result_at(top, CONFIGURATION, "the runs of several tasks")
@@ -218,7 +218,7 @@ def readout(
                 runs=tuple(runs),
                 engine=engine,
                 workers=workers or engine_cores(engine),
-                limits=limits_of(time_limit_s, memory_limit_gib),
+                limits=make_limits(time_limit_s, memory_limit_gib),
                 fail_fast=fail_fast,
                 started=started,
             ),
@@ -270,7 +270,7 @@ def _note_folders_without_scene(scenes: Path, listener: Listener) -> None:
     bare = folders_without_scene(scenes)
     if bare:
         shown = ", ".join(bare[:3]) + (f" and {len(bare) - 3} more" if bare[3:] else "")
-        held = counted(len(bare), "folder holds", "folders hold")
+        held = plural(len(bare), "folder holds", "folders hold")
         listener.notice(f"{held} files of a scene but no scene.blend or scene.glb: {shown}")
 
 
@@ -289,6 +289,6 @@ def default_output(scenes: str | Path, task: str | None = None) -> Path:
 
     task: None for the folder of several runs, which has the name of SCENES alone.
     """
-    place = place_of(scenes)
+    place = parse_place(scenes)
     name = place.resolve().name if isinstance(place, Path) else PurePosixPath(place).name
     return Path("legoworld-runs") / "-".join([name or "scenes", *([task] if task else [])])

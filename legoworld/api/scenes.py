@@ -11,13 +11,13 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.api.arguments import check_argument, checked
+from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
     Cache,
-    limits_of,
-    protocol_of,
+    load_protocol,
+    make_limits,
     snapshot_cache,
 )
 from legoworld.errors import UsageError
@@ -52,7 +52,7 @@ class SceneOptions(TypedDict, total=False):
     memory_limit_gib: float
 
 
-@checked
+@check_arguments
 def open_scene(
     folder: str | Path,
     *,
@@ -73,7 +73,7 @@ def open_scene(
     its subclasses), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
     """
     path = Path(folder).resolve()
-    with BlenderProcess(limits_of(time_limit_s, memory_limit_gib)) as blender:
+    with BlenderProcess(make_limits(time_limit_s, memory_limit_gib)) as blender:
         opened = read_folder(
             find_scene(path.parent, path.name),
             source=source,
@@ -106,7 +106,7 @@ class Scene:
         """Hash of the snapshot: equal scenes have equal hashes."""
         return self._opened.scene.snapshot_sha256
 
-    @checked
+    @check_arguments
     def view(
         self,
         *,
@@ -122,7 +122,7 @@ class Scene:
 
         Raises LabelsInvalidError for an unusable labels.json, UsageError for an unknown task.
         """
-        return self.view_by(protocol_of(task, track), size_wh)
+        return self.view_by(load_protocol(task, track), size_wh)
 
     def view_by(
         self,
@@ -222,7 +222,7 @@ class SceneView:
         """The instances with a category and at least one visible pixel: those a task exports."""
         return tuple(i for i in self.instances if i.labelled and i.area_px)
 
-    @checked
+    @check_arguments
     def mask(self, instance_id: int) -> NDArray[np.bool_]:
         """(H, W) bool: the visible pixels of an instance. UsageError for an unknown id."""
         if not 0 <= instance_id < len(self.instances):
@@ -278,7 +278,7 @@ class SceneView:
             found.setdefault(int(hidden), {})[int(hiding)] = int(count)
         return found
 
-    @checked
+    @check_arguments
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
         """The task's export of this view: COCO or LVIS results of one image.
 
@@ -307,7 +307,7 @@ class SceneView:
         )
         return entries
 
-    @checked
+    @check_arguments
     def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.
 
@@ -354,7 +354,7 @@ class SceneView:
             "snapshot_sha256": self._inspection.scene.snapshot_sha256,
         }
 
-    @checked
+    @check_arguments
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
         """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
 

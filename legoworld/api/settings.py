@@ -47,31 +47,31 @@ def tracks_by_task(tasks: Sequence[str], given: Tracks) -> dict[str, Track]:
             own = entry_of_task(Path(given), task, "track")
         else:
             own = given
-        tracks[task] = track_of(own)
+        tracks[task] = open_track(own)
         refuse_other_task(tracks[task], task)
     return tracks
 
 
-def limits_of(time_limit_s: float, memory_limit_gib: float) -> Limits:
+def make_limits(time_limit_s: float, memory_limit_gib: float) -> Limits:
     """Limits of a Blender process. Raises UsageError unless both are above 0."""
     check_argument("time_limit_s", time_limit_s)
     check_argument("memory_limit_gib", memory_limit_gib)
     return Limits(time_s=time_limit_s, memory_bytes=int(memory_limit_gib * 2**30))
 
 
-def track_of(track: Track | str | Path) -> Track:
+def open_track(track: Track | str | Path) -> Track:
     """A track, loaded if it is a path. Raises CatalogError."""
     return track if isinstance(track, Track) else load_track(Path(track))
 
 
-def protocol_of(task: str | None, track: Track | str | Path | None) -> Protocol | None:
+def load_protocol(task: str | None, track: Track | str | Path | None) -> Protocol | None:
     """The protocol of a task with a track's vocabulary; the track may also record the task.
 
     None without either. UsageError if the task is unknown or the track was made for another task.
     """
     if track is None:
         return None if task is None else protocol(task, None)
-    images = track_of(track)
+    images = open_track(track)
     chosen = task or images.made_for
     if chosen is None:
         raise UsageError("the track does not record its task", next_step="pass the task as well")

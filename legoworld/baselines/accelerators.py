@@ -61,7 +61,7 @@ class Torch(Record, frozen=True, kw_only=True):
 
 
 @functools.cache
-def torch_of(python: Path) -> Torch:
+def inspect_torch(python: Path) -> Torch:
     """The torch of a Python, cached. EnvironmentFailedError if the Python does not run."""
     return decode(Torch, ask_python(python, _PROBE).strip().splitlines()[-1])
 
@@ -73,7 +73,7 @@ def needs_torch(card: BaselineCard) -> bool:
 
 def chosen_device(given: str, python: Path) -> str:
     """The device that a run records: `--device auto` resolves to what the baseline's torch sees."""
-    return torch_of(python).best_device if given == "auto" else given
+    return inspect_torch(python).best_device if given == "auto" else given
 
 
 def chosen_dtype(given: str, device: str, card: BaselineCard) -> str:

@@ -119,7 +119,7 @@ def import_images(
     that image's row.
     """
     images = list(request.track.images)
-    with run_folder.locked(request.run):
+    with run_folder.lock_run(request.run):
         configuration = import_configuration(request, images, imported)
         run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
         with journal(request.run) as stream:

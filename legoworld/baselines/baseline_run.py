@@ -10,17 +10,17 @@ from pathlib import Path
 from msgspec import structs
 
 from legoworld.baselines.conversation import Conversation, Provenance
-from legoworld.baselines.family import baseline_of
+from legoworld.baselines.family import load_baseline_family
 from legoworld.baselines.records import PhotoMissingError, is_intact
-from legoworld.baselines.request import BaselineRequest, configuration_of, selected_images
+from legoworld.baselines.request import BaselineRequest, build_configuration, selected_images
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share, word_for
-from legoworld.readouts.protocol import readout_of
+from legoworld.readouts.protocol import load_readout_family
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.read_run import RUN_SCHEMA, recorded_configuration
 from legoworld.records.folders.run_journal import JournalledImage, append, journal
-from legoworld.records.folders.run_reading import RUN_SCHEMA, recorded_configuration
 from legoworld.records.run_file import (
     BaselineAbout,
     Configuration,
@@ -34,10 +34,10 @@ from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import Progress, RunResult
 from legoworld.tasks.registry import task_named
-from legoworld.track_making.making import find_photo
+from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.version import __version__
-from legoworld.workers.environment import passed
+from legoworld.workers.environment import passed_names
 
 Say = Callable[[str], None]
 
@@ -57,7 +57,7 @@ def run_baseline(
     log: called with the baseline's output; kept: called once with the number of kept images.
     """
     images = selected_images(request.track, request.image_ids, request.limit)
-    known = configuration_of(request, images)
+    known = build_configuration(request, images)
     photos = {i.id: path for i in images if (path := find_photo(request.photos, i)) is not None}
     if not photos:
         raise UsageError(
@@ -65,7 +65,7 @@ def run_baseline(
             found=f"nothing like {request.photos.name}/{images[0].file_name}",
             expected="photos by the track's file names, or those below train2017/ or val2017/",
         )
-    with run_folder.locked(request.run):
+    with run_folder.lock_run(request.run):
         earlier = run_folder.earlier_records(
             request.run, known, overwrite=request.overwrite, unknown=("provenance",)
         )
@@ -87,7 +87,7 @@ def run_baseline(
         began: list[bool] = []
         batches = {image.id: k // request.batch_size for k, image in enumerate(images)}
         conversation = Conversation(request, photos, batches, begin, log, notice)
-        records = _journalled(
+        records = _write_journal(
             request, done, _every_record(conversation, images, todo, photos), progress
         )
         return write_run(
@@ -100,7 +100,7 @@ def run_baseline(
                 licence=request.card.about.licence,
                 label_map=request.labels,
                 # Only names, and not part of the configuration: a run resumes without them.
-                variables=tuple(passed(request.variables)),
+                variables=tuple(passed_names(request.variables)),
                 sandbox=request.confined.record(),
             ),
         )
@@ -140,7 +140,7 @@ def _every_record(
             )
 
 
-def _journalled(
+def _write_journal(
     request: BaselineRequest,
     done: Mapping[int, ImageRecord],
     made: Iterator[ImageRecord],
@@ -172,7 +172,7 @@ def write_run(
     Files of images without a result, of an earlier photo or refused, are deleted.
     """
     rows = tuple(record.row for record in records)
-    own_file = baseline_of(configuration.task).own_file
+    own_file = load_baseline_family(configuration.task).own_file
     for row in rows if own_file else ():
         if own_file and row.status != "ok":
             (folder / own_file(row)).unlink(missing_ok=True)
@@ -182,7 +182,7 @@ def write_run(
         records=records,
         run=_run_document(configuration, baseline),
         summary=summary,
-        with_predictions=readout_of(task_named(configuration.task)).exports is not None,
+        with_predictions=load_readout_family(task_named(configuration.task)).exports is not None,
     )
     return RunResult(rows=rows, summary=summary)
 
@@ -205,7 +205,7 @@ def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummar
         counts=dict(counts),
         warnings=sum(len(row.warnings) for row in rows),
     )
-    return baseline_of(configuration.task).sum_up(summary, ok)
+    return load_baseline_family(configuration.task).sum_up(summary, ok)
 
 
 def _run_document(configuration: Configuration, baseline: BaselineAbout) -> RunFile:

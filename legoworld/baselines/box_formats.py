@@ -15,7 +15,7 @@ from legoworld.evaluation.detection.inputs.box_formats import (
     BoxFormatError,
     finite_floats,
 )
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 BoxFormat = Literal["xywh", "xyxy", "cxcywh"]
 BOX_FORMATS: Final[tuple[BoxFormat, ...]] = get_args(BoxFormat)
@@ -44,13 +44,13 @@ def check_declared(
     if share > MAX_SHARE_OUTSIDE and others:
         raise BoxFormatError(
             f"the boxes are not {declared} in pixels",
-            found=f"{share:.1%} of {counted(len(as_given), 'box', 'boxes')} leave their image",
+            found=f"{share:.1%} of {plural(len(as_given), 'box', 'boxes')} leave their image",
             expected="boxes inside their images",
             next_step=_pass(others),
         )
 
 
-def in_terms_of(
+def rephrase_error(
     error: BoxFormatError, declared: BoxFormat, others: Sequence[BoxFormat]
 ) -> BoxFormatError:
     """The error of a results list's check, rephrased for the declared and the fitting formats."""

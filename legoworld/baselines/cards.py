@@ -64,7 +64,7 @@ class BaselineCard:
         return self.folder / PROGRAM
 
     @property
-    def shared(self) -> Path:
+    def shared_path(self) -> Path:
         """The folder the program imports legoworld_baseline from."""
         return catalog.folder("baselines") / SHARED
 
@@ -72,7 +72,7 @@ class BaselineCard:
         """Hash of all code and cards that a run depends on: the baseline's and the shared ones."""
         named = [
             (kind, path.relative_to(top).as_posix(), sha256_of_file(path))
-            for kind, top in (("own", self.folder), ("shared", self.shared))
+            for kind, top in (("own", self.folder), ("shared", self.shared_path))
             for path in (*top.rglob("*.py"), *top.rglob("*.toml"))
             if not any(part.startswith(".") for part in path.relative_to(top).parts)
         ]
@@ -104,7 +104,7 @@ def load_baseline(name: str) -> BaselineCard:
 
 def read_card(path: Path) -> BaselineCard:
     """Read a card.toml. Raises CatalogError for an invalid one."""
-    about = read_toml(BaselineCardFile, path, what=_called(path), expected=_EXPECTED)
+    about = read_toml(BaselineCardFile, path, what=_card_name(path), expected=_EXPECTED)
     if about.name != path.parent.name:
         raise _error(path, f"name = {about.name!r}", f"its folder's name, {path.parent.name!r}")
     for i, name in enumerate(about.tasks):
@@ -134,11 +134,11 @@ def chosen_options(card: BaselineCard, given: Sequence[str]) -> dict[str, Option
                 found=f"--option {text}",
                 expected=" | ".join(f"{k}=..." for k in (near or known)) or "none: it has none",
             )
-        values[key] = _parsed(known[key], value)
+        values[key] = _parse_option(known[key], value)
     return values
 
 
-def _parsed(option: Option, text: str) -> OptionValue:
+def _parse_option(option: Option, text: str) -> OptionValue:
     expected = f"{option.key}=<{option.type}>"
     try:
         value: OptionValue = (
@@ -176,8 +176,8 @@ def _option(key: str, entry: BaselineOption, path: Path) -> Option:
 
 
 def _error(path: Path, found: str, expected: str) -> CatalogError:
-    return CatalogError(f"{_called(path)} cannot be used", found=found, expected=expected)
+    return CatalogError(f"{_card_name(path)} cannot be used", found=found, expected=expected)
 
 
-def _called(path: Path) -> str:
+def _card_name(path: Path) -> str:
     return f"baselines/{path.parent.name}/{CARD}"

@@ -13,10 +13,10 @@ from typing import Final, Literal, get_args
 from legoworld.baselines.foreign_results import Entry
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
-from legoworld.pluralize import counted, share, word_for
+from legoworld.pluralize import plural, share, word_for
 from legoworld.shipped import catalog
 from legoworld.tasks.shipped import COCO, LVIS
-from legoworld.tracks.dataset_versions import dataset_of, dataset_version
+from legoworld.tracks.dataset_versions import dataset_version, find_dataset
 from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
 CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
@@ -36,7 +36,7 @@ def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int,
     """Every numbering applicable to this vocabulary, as a map to the vocabulary's ids."""
     own = [category.id for category in vocabulary.categories]
     by_numbering: dict[CategoryIds, dict[int, int]] = {"dataset": {i: i for i in own}}
-    dataset = dataset_of(task)
+    dataset = find_dataset(task)
     if dataset_version(vocabulary, task) == "custom":
         return by_numbering
     for name, (of, first) in _CONTIGUOUS.items():
@@ -45,7 +45,7 @@ def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int,
     return by_numbering
 
 
-def numbering(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[int, int]:
+def map_category_ids(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[int, int]:
     """The map from the declared numbering to the vocabulary's ids. UsageError if inapplicable."""
     known = numberings(vocabulary, task)
     if declared not in known:
@@ -69,7 +69,9 @@ def readings(ids: Counter[int], vocabulary: Vocabulary, task: str) -> dict[Categ
     }
     meant = {name: tuple(ours[i] for i in ids) for name, ours in fits.items()}
     return {
-        name: _named({ours[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
+        name: _list_categories(
+            {ours[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING
+        )
         for name, ours in fits.items()
         if next(other for other, what in meant.items() if what == meant[name]) == name
     }
@@ -124,7 +126,7 @@ def other_readings(
 ) -> str | None:
     """What declared ids would be in other numberings that have them; None if in no other."""
     own = numberings(vocabulary, task)[declared]
-    mine = _named({own[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
+    mine = _list_categories({own[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
     others: dict[CategoryIds, str] = {
         name: what for name, what in readings(ids, vocabulary, task).items() if what != mine
     }
@@ -136,13 +138,13 @@ def other_readings(
 def most_frequent(category_ids: Iterable[int], vocabulary: Vocabulary) -> str:
     """The most frequent category names with their counts, as text."""
     counts = Counter(category_ids)
-    in_all = counted(len(counts), "category", "categories")
-    return f"{in_all}: {_named(counts, vocabulary, _SHOWN_CATEGORIES)}"
+    in_all = plural(len(counts), "category", "categories")
+    return f"{in_all}: {_list_categories(counts, vocabulary, _SHOWN_CATEGORIES)}"
 
 
-def _named(counts: Mapping[int, int], vocabulary: Vocabulary, most: int) -> str:
+def _list_categories(counts: Mapping[int, int], vocabulary: Vocabulary, most: int) -> str:
     shown = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]
-    names = ", ".join(f"{vocabulary.name_of(i)} {count:,}" for i, count in shown)
+    names = ", ".join(f"{vocabulary.category_name(i)} {count:,}" for i, count in shown)
     return names + (", ..." if len(counts) > len(shown) else "")
 
 

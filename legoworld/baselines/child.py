@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from legoworld import exit_codes
 from legoworld.baselines.answers import Unreadable, read_line
 from legoworld.baselines.cards import BaselineCard
-from legoworld.baselines.confinement import Confined, readable, writable
+from legoworld.baselines.confinement import BaselineConfinement, readable, writable
 from legoworld.beneath import Beneath
 from legoworld.errors import LegoWorldError, Raised, one_line
 from legoworld.files import Json
@@ -32,7 +32,7 @@ from legoworld.workers.child_process import last_line
 from legoworld.workers.environment import ChildKind, child_environment
 from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import ScratchFolder
-from legoworld.workers.talking import TalkingSandbox
+from legoworld.workers.talking_sandbox import TalkingSandbox
 
 _KEPT_LOG_LINES: Final = 60
 #: Messages that are read ahead.
@@ -74,7 +74,7 @@ class BaselineProcess:
         log: Callable[[str], None],
         *,
         output: Path,
-        confined: Confined,
+        confined: BaselineConfinement,
         declared: Sequence[str] = (),
     ) -> None:
         self._log = log
@@ -107,7 +107,7 @@ class BaselineProcess:
         ]
         for thread in self._threads:
             thread.start()
-        seen = replace(request, output=str(self._sandbox.seen("output")))
+        seen = replace(request, output=str(self._sandbox.path_inside("output")))
         self._send(as_json(seen))
 
     def __enter__(self) -> Self:
@@ -131,7 +131,7 @@ class BaselineProcess:
             try:
                 return self._messages.get(timeout=max(left, 0.0))
             except queue.Empty as error:
-                if self._sandbox.ended() is not None:
+                if self._sandbox.poll_exit() is not None:
                     return self._last_message()
                 if deadline is not None and time.monotonic() >= deadline:
                     raise TooSlowError from error
@@ -157,7 +157,7 @@ class BaselineProcess:
 
     def how_it_ended(self) -> str:
         """The exit code or signal, and the last line of its log; call it after the end."""
-        code = self._sandbox.ended(within_s=_WAIT_FOR_END_S) or 0
+        code = self._sandbox.poll_exit(within_s=_WAIT_FOR_END_S) or 0
         self.close()
         how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
         return f"{how}; {self.last_words()}"
@@ -238,7 +238,7 @@ def _lines(stream: IO[bytes], longest: int) -> Iterator[str]:
 def _environment(
     card: BaselineCard,
     sandbox: TalkingSandbox,
-    confined: Confined,
+    confined: BaselineConfinement,
     declared: Sequence[str],
     request: ChildRequest,
 ) -> dict[str, str]:
@@ -246,11 +246,11 @@ def _environment(
 
     declared: the caller's variables it may see besides those every model may.
     """
-    home = sandbox.seen("home")
+    home = sandbox.path_inside("home")
     environment = child_environment(
         ChildKind.MODEL, home=home, temporary=sandbox.temporary, declared=declared
     )
-    environment["PYTHONPATH"] = str(card.shared)
+    environment["PYTHONPATH"] = str(card.shared_path)
     environment["PYTHONHASHSEED"] = "0"
     environment["PYTHONDONTWRITEBYTECODE"] = "1"
     environment["PYTHONUNBUFFERED"] = "1"

@@ -13,7 +13,7 @@ from legoworld.baselines.environments import ask_python
 from legoworld.records.base import decode
 from legoworld.records.baseline_messages import ChildRequest
 from legoworld.records.execution import Protected
-from legoworld.workers.bubblewrap import links_of, showable
+from legoworld.workers.bubblewrap import exposable_paths, follow_links
 from legoworld.workers.protections import Confinement, Protections, protections
 
 #: Bubblewrap looks through all that it shows for each file that it adds: 500 take it .7 s and
@@ -38,7 +38,7 @@ print(json.dumps([sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_pr
 
 
 @dataclass(frozen=True, kw_only=True)
-class Confined:
+class BaselineConfinement:
     """How a baseline's process is held. inputs: files and folders it may read besides its own."""
 
     held: Protections
@@ -54,20 +54,20 @@ class Confined:
         )
 
 
-def confined(
+def confine_baseline(
     card: BaselineCard,
     weights: str,
     confinement: Confinement,
     *,
     offline: bool,
     inputs: Sequence[Path] = (),
-) -> Confined:
+) -> BaselineConfinement:
     """How a run's processes are held: with the network only to download what the card may.
 
     SandboxUnavailableError if bubblewrap is required and does not work.
     """
     network = card.about.network and not offline and not Path(weights).exists()
-    return Confined(held=protections(confinement, network=network), inputs=tuple(inputs))
+    return BaselineConfinement(held=protections(confinement, network=network), inputs=tuple(inputs))
 
 
 def readable(
@@ -83,9 +83,9 @@ def readable(
         photos = [*dict.fromkeys(photo.parent for photo in photos)]
     named = [Path(p) for name in _READ for p in environment.get(name, "").split(":") if p]
     caches = [Path(environment[name]) for name in _CACHES if name in environment]
-    return showable(
+    return exposable_paths(
         [
-            card.folder.resolve(), card.shared, *_of_python(python), *photos, *named, *caches,
+            card.folder.resolve(), card.shared_path, *_of_python(python), *photos, *named, *caches,
             *_of_weights(Path(request.weights)), *(path.resolve() for path in inputs),
         ]
     )  # fmt: skip
@@ -101,8 +101,8 @@ def writable(environment: Mapping[str, str]) -> tuple[Path, ...]:
 
 @functools.cache
 def _of_python(python: Path) -> tuple[Path, ...]:
-    found = decode(list[str], ask_python(python, _FOLDERS).strip().splitlines()[-1])
-    return (python, *links_of(python), *map(Path, found))
+    folders = decode(list[str], ask_python(python, _FOLDERS).strip().splitlines()[-1])
+    return (python, *follow_links(python), *map(Path, folders))
 
 
 def _of_weights(weights: Path) -> Iterator[Path]:

@@ -20,7 +20,7 @@ from legoworld.baselines.records import (
 from legoworld.baselines.request import BaselineRequest, child_request
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.baseline_messages import Message
 from legoworld.records.run_file import ImageRecord, ImageSource
@@ -53,7 +53,7 @@ def first_message(
     or has not loaded it within the time limit, which is an option's.
     """
     try:
-        message = process.next_message(deadline_of(time_limit_s))
+        message = process.next_message(compute_deadline(time_limit_s))
     except TooSlowError as error:
         raise BaselineFailedError(
             f"the baseline {name} did not load its model in time",
@@ -90,7 +90,7 @@ def first_message(
     return message
 
 
-def deadline_of(time_limit_s: float | None) -> float | None:
+def compute_deadline(time_limit_s: float | None) -> float | None:
     """When a time limit that begins now is over, in time.monotonic() seconds."""
     return None if time_limit_s is None else time.monotonic() + time_limit_s
 
@@ -159,7 +159,7 @@ class Conversation:
         self._hello(process)
         working: list[int] = []
         answered: set[int] = set()
-        deadline = deadline_of(self._request.time_limit_s)
+        deadline = compute_deadline(self._request.time_limit_s)
         while True:
             try:
                 message = process.next_message(deadline)
@@ -172,11 +172,11 @@ class Conversation:
                 yield from self._fail(self._suspects(working), self._too_slow(process))
                 return
             if message is None:
-                yield from self._died(process, working)
+                yield from self._record_crash(process, working)
                 return
             if message.image_id is not None:
                 yield from self._heard(process, message.image_id, message, sent, answered)
-                deadline = deadline_of(self._request.time_limit_s)
+                deadline = compute_deadline(self._request.time_limit_s)
             elif isinstance(message, Unreadable):
                 yield from self._fail(working, self._unusable(message))
             elif message.done:
@@ -206,7 +206,7 @@ class Conversation:
             raise BaselineFailedError(
                 f"the baseline {self._request.card.name} answered for image {image_id}",
                 found="an image that it was not asked for",
-                expected=f"the image_id of one of {counted(len(sent), 'image', 'images')}, such as "
+                expected=f"the image_id of one of {plural(len(sent), 'image', 'images')}, such as "
                 f"{min(sent)}",
                 next_step="answer with the image_id of the request",
             )
@@ -225,7 +225,7 @@ class Conversation:
             if isinstance(answer, Unreadable):
                 yield failed_record(image, self._unusable(answer))
             else:
-                yield self._answered(process, image, answer)
+                yield self._record_answer(process, image, answer)
 
     def _hello(self, process: BaselineProcess) -> None:
         limit = self._request.load_time_limit_s
@@ -245,7 +245,7 @@ class Conversation:
         """The ids that a process noted and that still have no record."""
         return list(dict.fromkeys(i for i in image_ids if i in self._pending))
 
-    def _answered(
+    def _record_answer(
         self, process: BaselineProcess, image: TrackImage, message: Message
     ) -> ImageRecord:
         path = self._photos[image.id]
@@ -278,7 +278,7 @@ class Conversation:
         """The images it worked on; between images the next one is as good a suspect as any."""
         return working or [*self._pending][:1]
 
-    def _died(self, process: BaselineProcess, working: list[int]) -> Iterator[ImageRecord]:
+    def _record_crash(self, process: BaselineProcess, working: list[int]) -> Iterator[ImageRecord]:
         """Record a crash: images that crashed before fail, the others are retried."""
         ended = process.how_it_ended()
         if not self._pending:  # it had answered for all of them

@@ -17,7 +17,7 @@ from legoworld.baselines.depth_folder import (
     write_array,
 )
 from legoworld.baselines.depth_records import answered_depth, depth_record
-from legoworld.baselines.family import BaselineFamily, Telling
+from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
 from legoworld.baselines.pixel_matching import Naming
 from legoworld.files import canonical_json, sha256_of_text
@@ -67,7 +67,7 @@ def depth_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: Telling
+    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
 ) -> RunResult:
     answers = depth_source(source, options)
     telling.total(len(request.track.images))

@@ -70,7 +70,7 @@ def planar_depth(source: DepthDeclared, path: Path, image: TrackImage) -> DepthA
     """
     assert image.size_wh is not None
     camera = source.cameras.get(image.file_name, source.cameras.get(""))
-    array = _labelled(path, source, camera, size_check(PIXELS, image.size_wh))
+    array = _read_declared_array(path, source, camera, size_check(PIXELS, image.size_wh))
     if camera and camera.size_wh not in (None, array.size_wh):
         raise DepthFileError(
             f"{path.name} is of another size than its intrinsics",
@@ -92,7 +92,7 @@ def planar_depth(source: DepthDeclared, path: Path, image: TrackImage) -> DepthA
     )
 
 
-def _labelled(
+def _read_declared_array(
     path: Path, source: DepthDeclared, camera: Camera | None, check: SizeCheck
 ) -> DepthArray:
     """The array as declared by the file or the command; a missing part names the option."""

@@ -18,7 +18,7 @@ from legoworld.records.base import UNSET, canonical
 from legoworld.records.baseline_messages import DepthSaid, Message
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.records.run_rows import DepthFile, RunRow
-from legoworld.running.image_record import row_of
+from legoworld.running.image_record import initial_row
 from legoworld.tracks.track import TrackImage
 
 
@@ -50,7 +50,7 @@ def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageReco
         sha256=sha256_of_file(path),
         finite_px=predicted_px(array, image),
     )
-    row = replace(row_of(image), rendered_wh=array.size_wh, depth=depth)
+    row = replace(initial_row(image), rendered_wh=array.size_wh, depth=depth)
     return ImageRecord(row=row, scene=source)
 
 
@@ -62,7 +62,7 @@ def predicted_px(array: DepthArray, image: TrackImage) -> int:
     """
     assert image.size_wh is not None
     size_check(PIXELS, image.size_wh)(array.size_wh)
-    predicted = array.predicted(array.values)
+    predicted = array.prediction_mask(array.values)
     if not predicted.any():
         raise DepthPredictionError(
             "the depth has no prediction at any pixel",

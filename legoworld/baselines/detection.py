@@ -10,7 +10,7 @@ from msgspec import structs
 
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.detection_import import DetectionSource, import_detections
-from legoworld.baselines.family import BaselineFamily, Telling
+from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.labels import label_map
 from legoworld.baselines.records import answered_detections
 from legoworld.records.run_file import RunSummary
@@ -19,7 +19,7 @@ from legoworld.running.readout_run import RunResult
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: Telling
+    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
 ) -> RunResult:
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None

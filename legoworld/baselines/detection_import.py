@@ -16,16 +16,16 @@ from legoworld.baselines.baseline_import import (
 from legoworld.baselines.box_formats import (
     BoxFormat,
     check_declared,
-    in_terms_of,
     other_formats,
+    rephrase_error,
     with_xywh,
 )
 from legoworld.baselines.category_ids import (
     CategoryIds,
     as_options,
     check_numbering,
+    map_category_ids,
     most_frequent,
-    numbering,
     other_readings,
     plain_ids,
     readings,
@@ -33,10 +33,10 @@ from legoworld.baselines.category_ids import (
 )
 from legoworld.baselines.foreign_results import Entry
 from legoworld.baselines.labels import LabelMap, Matcher
-from legoworld.baselines.photo_names import Placed, place
+from legoworld.baselines.photo_names import MatchedResults, place
 from legoworld.baselines.records import detection_record
 from legoworld.baselines.results_file import (
-    Named,
+    NamedEntries,
     ResultsFile,
     by_image,
     read_results,
@@ -48,13 +48,17 @@ from legoworld.evaluation.detection.inputs.prediction_checks import (
     PredictionsInvalidError,
     as_predictions,
 )
-from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
-from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
+from legoworld.evaluation.detection.inputs.prediction_columns import make_columns
+from legoworld.evaluation.detection.inputs.predictions import (
+    Predictions,
+    check_results,
+    prediction_type,
+)
 from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
-from legoworld.pluralize import counted, share, word_for
+from legoworld.pluralize import plural, share, word_for
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
@@ -83,13 +87,13 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     images = list(request.track.images)
     results = read_results(source.path)
     if results.n_float_ids:
-        n = counted(results.n_float_ids, "prediction", "predictions")
+        n = plural(results.n_float_ids, "prediction", "predictions")
         notice(f"{n} with ids written as fractions, such as 139.0: read as whole numbers")
     box_format = source.box_format or results.box_format or "xywh"
     placed = place(results.entries, results.images, images, subset=request.subset)
     _say_placed(placed, len(results.entries), notice)
-    named = _named(request, source, results, placed)
-    checked = _checked(request, box_format, named.entries, notice)
+    named = _resolve_categories(request, source, results, placed)
+    checked = _check_predictions(request, box_format, named.entries, notice)
     if source.category_ids is None and named.by_id and not results.of_torchvision:
         all_ids = named.by_id.total() == len(placed.entries)
         ids = plain_ids(results.entries) if all_ids else named.by_id
@@ -108,11 +112,11 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     )
 
     def record(image: TrackImage) -> ImageRecord:
-        entries = columns_of(groups.get(image.id, ()))
+        entries = make_columns(groups.get(image.id, ()))
         own = Predictions(entries=entries, warnings=(), n_dropped_empty=0)
         return detection_record(image, own, ImageSource(source=ImportedFrom(file=source.path.name)))
 
-    with run_folder.locked(request.run):
+    with run_folder.lock_run(request.run):
         configuration = import_configuration(request, images, imported)
         run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
         with journal(request.run) as stream:
@@ -123,7 +127,7 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
         return write_import(request, records, configuration)
 
 
-def _say_placed(placed: Placed, of: int, notice: Say) -> None:
+def _say_placed(placed: MatchedResults, of: int, notice: Say) -> None:
     if placed.by == "file_names":
         notice("images are matched by file name")
     if placed.left_out:
@@ -132,15 +136,15 @@ def _say_placed(placed: Placed, of: int, notice: Say) -> None:
         notice(f"{kept} {are} of the track's images; the rest is ignored")
 
 
-def _named(
-    request: ImportRequest, source: DetectionSource, found: ResultsFile, placed: Placed
-) -> Named:
+def _resolve_categories(
+    request: ImportRequest, source: DetectionSource, found: ResultsFile, placed: MatchedResults
+) -> NamedEntries:
     """Entries with the vocabulary's category ids: by name, or by the declared numbering."""
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None
     known = None
     if source.category_ids is not None:
-        known = numbering(source.category_ids, vocabulary, request.protocol.task.name)
+        known = map_category_ids(source.category_ids, vocabulary, request.protocol.task.name)
     matcher = Matcher(vocabulary, source.labels)
     named = with_our_categories(found, placed.entries, matcher, known)
     if source.category_ids is not None and known is not None:
@@ -149,13 +153,17 @@ def _named(
 
 
 def _say_categories(
-    request: ImportRequest, source: DetectionSource, named: Named, checked: Predictions, notice: Say
+    request: ImportRequest,
+    source: DetectionSource,
+    named: NamedEntries,
+    checked: Predictions,
+    notice: Say,
 ) -> None:
     """Report dropped labels, the predicted categories, and doubts about the ids' meaning."""
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None
     for label, count in named.left_out.items():
-        left = counted(count, "prediction", "predictions")
+        left = plural(count, "prediction", "predictions")
         notice(f"label {label!r}: {left} left out, as the label map says")
     if checked.entries:
         notice(most_frequent(checked.entries.category_id.tolist(), vocabulary))
@@ -172,7 +180,7 @@ def _of_dataset(request: ImportRequest) -> tuple[Vocabulary, str]:
     return request.protocol.vocabulary, request.protocol.task.name
 
 
-def _checked(
+def _check_predictions(
     request: ImportRequest,
     box_format: BoxFormat,
     as_given: Sequence[Entry],
@@ -191,7 +199,7 @@ def _checked(
     entries = dialect.prepared(entries, sizes_wh, notice)
     try:
         checked = check_results(
-            [as_predictions(entries, kind_of(protocol))],
+            [as_predictions(entries, prediction_type(protocol))],
             status_by_image={i.id: "ok" if request.was_run_on(i) else "missing" for i in images},
             sizes_wh=sizes_wh,
             vocabulary=vocabulary,
@@ -200,7 +208,7 @@ def _checked(
         )
     except BoxFormatError as error:
         others = other_formats(as_given, sizes_wh, box_format)
-        raise in_terms_of(error, box_format, others) from error
+        raise rephrase_error(error, box_format, others) from error
     except PredictionsInvalidError as error:
         if not error.next_step.endswith("map categories by name"):
             raise
@@ -238,7 +246,7 @@ def _filled(
     """Polygons as masks."""
     entries, filled = with_masks(entries, sizes_wh)
     if filled:
-        notice(f"{counted(filled, 'mask', 'masks')} of polygons, filled as pycocotools does")
+        notice(f"{plural(filled, 'mask', 'masks')} of polygons, filled as pycocotools does")
     return entries
 
 

@@ -11,7 +11,7 @@ from legoworld.errors import UsageError
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import Progress, RunResult
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Telling:
+class ImportListener:
     """What an import says while it works. total: how many images; progress: of each row."""
 
     total: Callable[[int], None]
@@ -44,15 +44,15 @@ class BaselineFamily:
     of_folder: bool
     what: str
     options: frozenset[str]
-    import_answers: Callable[[ImportRequest, Path, Mapping[str, Any], Telling], RunResult]
+    import_answers: Callable[[ImportRequest, Path, Mapping[str, Any], ImportListener], RunResult]
     sum_up: Callable[[RunSummary, Sequence[RunRow]], RunSummary]
     own_file: Callable[[RunRow], str] | None = None
     answered: Callable[[TrackImage, Message, AnswerRules, ImageSource], ImageRecord] | None = None
 
 
-def baseline_of(task: str) -> BaselineFamily:
+def load_baseline_family(task: str) -> BaselineFamily:
     """The baselines of a task. UsageError where there are none."""
-    family = family_of(task)
+    family = find_family(task)
     if family.baseline is None:
         raise UsageError(f"no baseline answers {task}", found=f"--task {task}")
     return family.load("baseline", BaselineFamily)

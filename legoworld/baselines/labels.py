@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Final
 
 from legoworld.errors import LegoWorldError
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.base import RecordError, decode
 from legoworld.tasks.shipped import COCO
-from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.vocabulary import Category, Vocabulary, normal_name
 
 #: Names that PASCAL VOC gave six of COCO's categories, and that many checkpoints still carry.
@@ -45,13 +45,15 @@ def label_map(path: Path | None, vocabulary: Vocabulary, task: str) -> LabelMap:
     labels: LabelMap = {
         old: name
         for old, name in OLD_NAMES.items()
-        if dataset_of(task) == COCO.name and vocabulary.match(name) and not vocabulary.match(old)
+        if find_dataset(task) == COCO.name and vocabulary.match(name) and not vocabulary.match(old)
     }
     if path is not None:
         own = _read(path)
         unknown = [name for name in own.values() if name and not vocabulary.match(name)]
         if unknown:
-            raise _unmatched(f"{path} maps to {len(unknown)} unknown names", unknown, vocabulary)
+            raise _unmatched_error(
+                f"{path} maps to {len(unknown)} unknown names", unknown, vocabulary
+            )
         taken = {normal_name(label) for label in own}
         labels = {old: name for old, name in labels.items() if normal_name(old) not in taken} | own
     return labels
@@ -84,14 +86,14 @@ class Matcher:
     def refuse_unmatched(self) -> None:
         """Raise LabelsUnmatchedError if a label was not matched."""
         if self.unmatched:
-            raise _unmatched(
-                counted(len(self.unmatched), "label names", "labels name") + " no category",
+            raise _unmatched_error(
+                plural(len(self.unmatched), "label names", "labels name") + " no category",
                 list(self.unmatched),
                 self._vocabulary,
             )
 
 
-def _unmatched(what: str, labels: list[str], vocabulary: Vocabulary) -> LabelsUnmatchedError:
+def _unmatched_error(what: str, labels: list[str], vocabulary: Vocabulary) -> LabelsUnmatchedError:
     shown = []
     for label in labels[:6]:
         near = vocabulary.nearest(label)

@@ -28,7 +28,7 @@ class PhotosUnmatchedError(LegoWorldError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Placed:
+class MatchedResults:
     """Results with the track's image ids. by: how photos were matched; left_out: ignored ones."""
 
     entries: tuple[Entry, ...]
@@ -42,7 +42,7 @@ def place(
     images: Sequence[TrackImage],
     *,
     subset: bool,
-) -> Placed:
+) -> MatchedResults:
     """Assign the track's image ids to results.
 
     infos: the file's own image entries by id; subset: results of other photos are ignored instead
@@ -66,7 +66,7 @@ def place(
     if strangers and (not subset or not kept):
         raise _strangers(strangers, len(entries), infos, images, some=bool(kept))
     by: Literal["file_names", "ids"] = "file_names" if by_name else "ids"
-    return Placed(entries=tuple(kept), by=by, left_out=len(strangers))
+    return MatchedResults(entries=tuple(kept), by=by, left_out=len(strangers))
 
 
 class _Outside:

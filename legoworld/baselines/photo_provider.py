@@ -11,14 +11,14 @@ from typing import Final
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.cards import BaselineCard, baseline_cards
 from legoworld.baselines.child import BaselineProcess, TooSlowError
-from legoworld.baselines.confinement import Confined
-from legoworld.baselines.conversation import deadline_of, first_message
+from legoworld.baselines.confinement import BaselineConfinement
+from legoworld.baselines.conversation import compute_deadline, first_message
 from legoworld.baselines.request import weights_name, weights_place
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence_depth import GivenDepth
-from legoworld.plugin.evidence_making import Provided
+from legoworld.plugin.make_evidence import BaselineEvidence
 from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.baseline_messages import ChildRequest, DepthSaid, Message, RequestedImage
@@ -52,7 +52,7 @@ class ProviderRequest:
     options: Mapping[str, OptionValue | None]
     offline: bool
     time_limit_s: float | None
-    confined: Confined
+    confined: BaselineConfinement
 
     @property
     def source(self) -> str:
@@ -73,7 +73,7 @@ def refuse_without_camera(card: BaselineCard) -> None:
 
 def ask_provider(
     request: ProviderRequest, photo: Path, output: Path, log: Callable[[str], None]
-) -> Provided:
+) -> BaselineEvidence:
     """The photo's camera and, where the baseline gives one, its relative depth.
 
     output: an existing folder for the depth's file. Raises BaselineRefusedError and
@@ -97,7 +97,7 @@ def ask_provider(
         if answer.depth is not None:
             process.take(_depth_name(photo))
     if answer.camera is None:
-        raise _failed(request, "no camera in its answer", "a camera")
+        raise _provider_error(request, "no camera in its answer", "a camera")
     depth = None if answer.depth is None else _depth(request, answer.depth, photo, output)
     camera = ProviderCamera(
         schema_version=1,
@@ -111,12 +111,12 @@ def ask_provider(
         cy=answer.camera.cy,
     )
     record = _record(request, hello, answer.counts or {})
-    return Provided(record=record, camera=camera, depth=depth)
+    return BaselineEvidence(record=record, camera=camera, depth=depth)
 
 
 def _answer(process: BaselineProcess, request: ProviderRequest) -> Message:
     """The line about the photo; what comes before it is skipped."""
-    deadline = deadline_of(request.time_limit_s)
+    deadline = compute_deadline(request.time_limit_s)
     while True:
         try:
             message = process.next_message(deadline)
@@ -125,23 +125,23 @@ def _answer(process: BaselineProcess, request: ProviderRequest) -> Message:
                 raise TooSlowError
         except TooSlowError as error:
             words = f"no answer after {request.time_limit_s:g} s; {process.last_words()}"
-            raise _failed(request, words, "an answer within --time-limit") from error
+            raise _provider_error(request, words, "an answer within --time-limit") from error
         if message is None:
-            raise _failed(request, process.how_it_ended(), "an answer", _MEMORY)
+            raise _provider_error(request, process.how_it_ended(), "an answer", _MEMORY)
         if isinstance(message, Unreadable):
-            raise _failed(request, message.reason, "one line of JSON")
+            raise _provider_error(request, message.reason, "one line of JSON")
         if message.failed is not None:
-            raise _failed(request, message.failed, "a camera")
+            raise _provider_error(request, message.failed, "a camera")
         if message.image_id == _IMAGE_ID:
             return message
         if message.done:
-            raise _failed(request, "the end without an answer", "a camera")
+            raise _provider_error(request, "the end without an answer", "a camera")
 
 
 _MEMORY: Final = "a process that is killed by SIGKILL usually had no memory left; -v shows its log"
 
 
-def _failed(
+def _provider_error(
     request: ProviderRequest, found: str, expected: str, next_step: str = ""
 ) -> ProviderFailedError:
     return ProviderFailedError(
@@ -155,13 +155,13 @@ def _failed(
 def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path) -> GivenDepth:
     path = output / _depth_name(photo)
     if not path.is_file() or sha256_of_file(path) != said.sha256:
-        raise _failed(
+        raise _provider_error(
             request,
             f"{path.name} is absent or not the one it spoke of",
             "depth of the sha256 it gave",
         )
     if said.space not in _SPACES:
-        raise _failed(request, f"depth of space {said.space}", " or ".join(_SPACES))
+        raise _provider_error(request, f"depth of space {said.space}", " or ".join(_SPACES))
     return GivenDepth(path=path, space=_SPACES[said.space], source=request.source, of_photo=True)
 
 

@@ -17,11 +17,11 @@ from legoworld.baselines.baseline_import import (
 )
 from legoworld.baselines.pixel_matching import Match, Matches, Naming, match_files
 from legoworld.baselines.records import ResultMissingError, is_intact
-from legoworld.depth_files.reading import SUFFIXES
+from legoworld.depth_files.read_depth import SUFFIXES
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.pixels.family import PixelArray
 from legoworld.files import sha256_of_file
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
@@ -67,7 +67,7 @@ def import_pixels(
     matches = match_files(source.folder, images, source.suffix, source.naming)
     _refuse_unusable(request, source, images, matches)
     _notice_names(matches, notice)
-    with run_folder.locked(request.run):
+    with run_folder.lock_run(request.run):
         configuration = import_configuration(request, images, source.imported)
         earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
         by_id = {record.row.image_id: record for record in earlier}
@@ -132,11 +132,11 @@ def _notice_names(matches: Matches, notice: Say) -> None:
     """Report files matched other than by the photos' own paths, and files that match no photo."""
     strangers = matches.strangers
     if strangers:
-        files = counted(len(strangers), "file is", "files are")
+        files = plural(len(strangers), "file is", "files are")
         notice(f"{files} not matched to a photo of the track, such as {strangers[0]}")
     for how, count in sorted(Counter(m.how for m in matches.by_image.values()).items()):
         if how != "same_path":
-            files = counted(count, "file is", "files are")
+            files = plural(count, "file is", "files are")
             notice(f"{files} matched by: {how.replace('_', ' ')}")
 
 

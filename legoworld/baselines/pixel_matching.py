@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.depth_files.reading import SUFFIXES
+from legoworld.depth_files.read_depth import SUFFIXES
 from legoworld.tracks.track import TrackImage
 
 _JOINTS: Final = ("_", "__", "-")

@@ -7,17 +7,21 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from legoworld.baselines.family import baseline_of
+from legoworld.baselines.family import load_baseline_family
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
-from legoworld.evaluation.detection.inputs.predictions import Predictions, check_results, kind_of
+from legoworld.evaluation.detection.inputs.predictions import (
+    Predictions,
+    check_results,
+    prediction_type,
+)
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.records.base import as_json
 from legoworld.records.baseline_messages import Message
 from legoworld.records.folders.prediction_files import has_its_results, predictions_sha256
 from legoworld.records.run_file import ImageRecord, ImageSource
-from legoworld.running.image_record import failed_record, row_of
+from legoworld.running.image_record import failed_record, initial_row
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
 
@@ -77,7 +81,7 @@ def answered_record(
     try:
         if answer.failed is not None:
             raise ImageFailedError(answer.failed)
-        answered = baseline_of(rules.task).answered
+        answered = load_baseline_family(rules.task).answered
         if answered is None:
             raise AnswerInvalidError(f"a baseline's process cannot answer {rules.task}")
         record = answered(image, answer, rules, source)
@@ -90,7 +94,7 @@ def answered_detections(
     image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
 ) -> ImageRecord:
     """A child's boxes or masks as a record. LegoWorldError for what `evaluate` would refuse."""
-    return detection_record(image, _checked(image, answer, rules), source)
+    return detection_record(image, _check_predictions(image, answer, rules), source)
 
 
 def detection_record(
@@ -99,7 +103,7 @@ def detection_record(
     """The record of one image's checked boxes or masks. source: its run.json entry."""
     entries = tuple(predictions.entries)
     row = replace(
-        row_of(image),
+        initial_row(image),
         n_predictions=len(entries),
         predictions_sha256=predictions_sha256(entries),
         empty_masks_dropped=predictions.n_dropped_empty,
@@ -118,7 +122,7 @@ def is_intact(record: ImageRecord, run: Path, source: ImageSource) -> bool:
     return has_its_results(record, run)
 
 
-def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predictions:
+def _check_predictions(image: TrackImage, answer: Message, rules: AnswerRules) -> Predictions:
     if answer.predictions is None:
         raise AnswerInvalidError(
             "the baseline gave no predictions",
@@ -129,7 +133,7 @@ def _checked(image: TrackImage, answer: Message, rules: AnswerRules) -> Predicti
     assert rules.vocabulary is not None
     assert image.size_wh is not None
     return check_results(
-        [as_predictions(answer.predictions, kind_of(protocol))],
+        [as_predictions(answer.predictions, prediction_type(protocol))],
         status_by_image={image.id: "ok"},
         sizes_wh={image.id: image.size_wh},
         vocabulary=rules.vocabulary,

@@ -10,7 +10,7 @@ from typing import TypedDict
 from msgspec.structs import replace
 
 from legoworld.baselines.cards import BaselineCard
-from legoworld.baselines.confinement import Confined
+from legoworld.baselines.confinement import BaselineConfinement
 from legoworld.baselines.labels import LabelMap
 from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
@@ -71,7 +71,7 @@ class BaselineRequest:
     image_ids: tuple[int, ...]
     load_time_limit_s: float | None
     time_limit_s: float | None
-    confined: Confined
+    confined: BaselineConfinement
     pass_variables: tuple[str, ...] = ()
 
     @property
@@ -123,7 +123,7 @@ def common_configuration(
     )
 
 
-def configuration_of(request: BaselineRequest, images: Sequence[TrackImage]) -> Configuration:
+def build_configuration(request: BaselineRequest, images: Sequence[TrackImage]) -> Configuration:
     """Everything a run's results depend on, except the photos and the model's provenance.
 
     The hashes of the weights are in the provenance that the process reports after loading them.
@@ -163,7 +163,7 @@ def child_request(
     return ChildRequest(
         schema_version=SCHEMA_VERSION,
         task=request.protocol.task.name,
-        images=tuple(_requested(*placed) for placed in images),
+        images=tuple(_request_image(*placed) for placed in images),
         categories=tuple(
             RequestedCategory(id=c.id, name=c.name, synonyms=c.synonyms)
             for c in (vocabulary.categories if vocabulary else ())
@@ -180,7 +180,7 @@ def child_request(
     )
 
 
-def _requested(image: TrackImage, path: Path, batch: int) -> RequestedImage:
+def _request_image(image: TrackImage, path: Path, batch: int) -> RequestedImage:
     assert image.size_wh is not None
     return RequestedImage(
         image_id=image.id,

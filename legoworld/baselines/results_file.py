@@ -20,7 +20,7 @@ from legoworld.baselines.foreign_results import (
 )
 from legoworld.baselines.labels import Matcher
 from legoworld.errors import one_line
-from legoworld.evaluation.detection.inputs.masks import compressed
+from legoworld.evaluation.detection.inputs.masks import compress_mask
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.files import Json, utf8_text
 from legoworld.pluralize import share, word_for
@@ -57,7 +57,7 @@ class ResultsFile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Named:
+class NamedEntries:
     """Entries with category ids of the vocabulary if they had a name.
 
     by_id: those that have an id and no name, counted by it; left_out: labels the map drops.
@@ -75,16 +75,16 @@ def read_results(path: Path) -> ResultsFile:
     "categories" (a complete COCO JSON); one such object per line; or torchvision outputs, one
     {"boxes", "labels", "scores"} per image. PredictionsInvalidError for anything else.
     """
-    found = _found(path)
+    results = _read_entries(path)
     written = [
         entry
-        for entry in found.entries  # not by a loop over _IDS: there are millions
+        for entry in results.entries  # not by a loop over _IDS: there are millions
         if type(entry.get("image_id")) is float or type(entry.get("category_id")) is float
     ]
     if not written:
-        return found
-    entries = tuple(_with_whole_ids(entry, path) for entry in found.entries)
-    return replace(found, entries=entries, n_float_ids=len(written))
+        return results
+    entries = tuple(_with_whole_ids(entry, path) for entry in results.entries)
+    return replace(results, entries=entries, n_float_ids=len(written))
 
 
 def _with_whole_ids(entry: Entry, path: Path) -> Entry:
@@ -101,9 +101,9 @@ def _with_whole_ids(entry: Entry, path: Path) -> Entry:
     return {**entry, **{key: int(value) for key, value in ids.items()}} if ids else entry
 
 
-def _found(path: Path) -> ResultsFile:
+def _read_entries(path: Path) -> ResultsFile:
     """The file's entries as they are."""
-    document = _listed(_read(path))
+    document = _as_list(_read(path))
     refuse_other_documents(document, path)
     outputs = per_image_outputs(document)
     if outputs is not None:
@@ -158,7 +158,7 @@ def _read(path: Path) -> Any:
         ) from error
 
 
-def _listed(document: Json) -> Any:
+def _as_list(document: Json) -> Any:
     """A one-line file is both JSON and JSON lines: a single result becomes a list."""
     if not isinstance(document, dict) or any(isinstance(document.get(k), list) for k in _LISTS):
         return document
@@ -170,7 +170,7 @@ def with_our_categories(
     entries: Sequence[Entry],
     matcher: Matcher,
     numbering: Mapping[int, int] | None,
-) -> Named:
+) -> NamedEntries:
     """Entries with the vocabulary's category ids, if they or the file's categories name one.
 
     A category is matched by name if the file has one or the label map has its id, otherwise by id
@@ -188,7 +188,7 @@ def with_our_categories(
         if category is not None:
             kept.append({**entry, "category_id": category.id})
     matcher.refuse_unmatched()
-    return Named(entries=kept, by_id=by_id, left_out=dict(sorted(matcher.left_out.items())))
+    return NamedEntries(entries=kept, by_id=by_id, left_out=dict(sorted(matcher.left_out.items())))
 
 
 def _with_our_id(entry: Entry, by_id: Counter[int], numbering: Mapping[int, int]) -> Entry:
@@ -211,7 +211,7 @@ def with_masks(
         mask, image_id = entry.get("segmentation"), entry.get("image_id")
         size = sizes_wh.get(image_id) if mask and type(image_id) is int else None
         if size is not None and _are_polygons(mask):
-            rle = compressed(mask, (size[1], size[0]))
+            rle = compress_mask(mask, (size[1], size[0]))
             text: Entry = {"size": [size[1], size[0]], "counts": rle["counts"].decode("ascii")}
             entry, count = {**entry, "segmentation": text}, count + 1
         filled.append(entry)

@@ -103,7 +103,7 @@ def see_case(
             expected="a view of the scene",
             next_step="turn the camera, or correct its clip range",
         )
-    scored = _scored(grouping, small.area_px, unscored)
+    scored = _scored_objects(grouping, small.area_px, unscored)
     full = view_through(pinhole, snapshot, grouping, size_wh, threads=threads)
     return SeenCase(
         projection=pinhole,
@@ -148,7 +148,7 @@ def _not_a_plain_pinhole(
     return None
 
 
-def _scored(
+def _scored_objects(
     grouping: Grouping, area_px: NDArray[np.int64], unscored: frozenset[str]
 ) -> tuple[ScoredObject, ...]:
     labelled = [i for i in grouping.instances if i.category is not None and i.label_text]

@@ -27,8 +27,8 @@ from legoworld.records.bench_dataset import (
     Tier,
 )
 from legoworld.records.labels import LabelsFile
+from legoworld.running.error_boundary import classify_error
 from legoworld.running.submission import card_render, card_size
-from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, GLB, LABELS, PICTURE, SceneFolder
@@ -39,8 +39,8 @@ from legoworld.scene.freeze import (
 )
 from legoworld.scene.instances import group
 from legoworld.scene.labels import labels_in, resolve_labels
-from legoworld.scene.opened import CardRender, OpenedScene, twice
-from legoworld.scene.reading import read_hashed_side_file, read_scene
+from legoworld.scene.open_scene import CardRender, OpenedScene, retry_once
+from legoworld.scene.read_scene import read_hashed_side_file, read_scene
 from legoworld.scene.requests import DeclaredCases, Request
 from legoworld.scene.snapshot import Snapshot
 from legoworld.workers.engines import machine_lost
@@ -115,11 +115,11 @@ class FamilyMaker:
     def do(self, folder: SceneFolder) -> MadeFamily:
         """The cases of one reference scene, or why there are none."""
         try:
-            return _Family(folder, self._options, self._blender).made()
+            return _Family(folder, self._options, self._blender).make()
         except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
             written = [p for p in (self._options.output, self._options.scenes) if p]
             written += [self._options.cache.folder] if self._options.cache else []
-            return _refused(folder, judged(error, written))
+            return _refused_family(folder, classify_error(error, written))
 
     def abort(self) -> None:
         """End the Blender process under a running `do`."""
@@ -132,10 +132,10 @@ class FamilyMaker:
 
 def lost_family(folder: SceneFolder, what: str) -> MadeFamily:
     """The family of a scene whose machine was lost each time it was tried."""
-    return _refused(folder, machine_lost(what))
+    return _refused_family(folder, machine_lost(what))
 
 
-def _refused(folder: SceneFolder, error: LegoWorldError) -> MadeFamily:
+def _refused_family(folder: SceneFolder, error: LegoWorldError) -> MadeFamily:
     return MadeFamily(
         family=family_name(folder.name),
         environment=None,
@@ -153,7 +153,7 @@ def family_name(scene: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Wanted:
+class _CaseRequest:
     """One case to make. camera: the name of the view's camera."""
 
     stem: str
@@ -170,14 +170,14 @@ class _Family:
         self._blend = str(folder.path.resolve() / BLEND)
         self._halves = Halves(options.output)
 
-    def made(self) -> MadeFamily:
+    def make(self) -> MadeFamily:
         files = checked_artefacts(self._folder, require_frozen=self._options.require_frozen)
-        answer = twice(lambda: self._blender.request({"kind": "cases", "blend": self._blend}))
+        answer = retry_once(lambda: self._blender.request({"kind": "cases", "blend": self._blend}))
         files = hashed_dependencies(
             self._folder, answer["dependencies"], files, read_by=BLEND
         )  # fmt: skip
         said: DeclaredCases = answer["cases"]
-        cases = [self._case(files, said, wanted) for wanted in self._wanted(said)]
+        cases = [self._case(files, said, wanted) for wanted in self._list_requests(said)]
         return MadeFamily(
             family=family_name(self._folder.name),
             environment=said["environment"],
@@ -188,14 +188,14 @@ class _Family:
             reason=None,
         )
 
-    def _wanted(self, said: DeclaredCases) -> Iterator[_Wanted]:
+    def _list_requests(self, said: DeclaredCases) -> Iterator[_CaseRequest]:
         family = family_name(self._folder.name)
         for tier in said["tiers"]:
             for view, camera in enumerate(said["views"]):
                 words = [family, *([tier] if tier else []), f"view_{view:02d}"]
-                yield _Wanted(stem="__".join(words), tier=tier, view=view, camera=camera)
+                yield _CaseRequest(stem="__".join(words), tier=tier, view=view, camera=camera)
 
-    def _case(self, files: FrozenFiles, said: DeclaredCases, wanted: _Wanted) -> MadeCase:
+    def _case(self, files: FrozenFiles, said: DeclaredCases, wanted: _CaseRequest) -> MadeCase:
         """Save the case as a scene of its own, and read it as any submission is read."""
         options = self._options
         folder = SceneFolder(
@@ -214,25 +214,25 @@ class _Family:
                     "glb": options.scenes is not None,
                 },
             }
-            twice(lambda: self._blender.request(request))
+            retry_once(lambda: self._blender.request(request))
             case = {"tier": wanted.tier, "view": wanted.camera, "size_wh": options.size_wh}
             content = {**_content(files), "case": case}
-            return self._written(folder, files, said, wanted, content)
+            return self._write_case(folder, files, said, wanted, content)
         finally:
             shutil.rmtree(folder.path, ignore_errors=True)
 
-    def _written(
+    def _write_case(
         self,
         folder: SceneFolder,
         files: FrozenFiles,
         said: DeclaredCases,
-        wanted: _Wanted,
+        wanted: _CaseRequest,
         content: Mapping[str, Json],
     ) -> MadeCase:
         options = self._options
         own = checked_artefacts(folder, require_frozen=False)
         scene = read_scene(folder, source="blend", blender=self._blender, cache=None, files=own)
-        seen, joints = self._seen(scene.snapshot, files, said)
+        seen, joints = self._see_case(scene.snapshot, files, said)
         opened = OpenedScene(folder, scene.files, self._blender, options.cache, content=content)
         self._say(f"{wanted.stem}: picture, {options.picture.samples} samples")
         picture = opened.render(
@@ -268,7 +268,7 @@ class _Family:
         if self._options.notice is not None:
             self._options.notice(text)
 
-    def _seen(
+    def _see_case(
         self, snapshot: Snapshot, files: FrozenFiles, said: DeclaredCases
     ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
         outside = labels_in(read_hashed_side_file(self._folder, LABELS, LabelsFile, files))

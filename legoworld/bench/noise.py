@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from legoworld.evaluation.reconstruction.appearance import agreement, decoded, resized
+from legoworld.evaluation.reconstruction.appearance import agreement, decode_picture, resize_picture
 from legoworld.records.bench_dataset import NoiseFloor
 
 
@@ -16,11 +16,11 @@ def noise_floor(
 
     renders: one PNG a seed; sd is 0 for a single seed, which says nothing of noise.
     """
-    reference = decoded(picture)
+    reference = decode_picture(picture)
     shares = []
     for png in renders:
-        render = decoded(png)
+        render = decode_picture(png)
         size_wh = (render.shape[1], render.shape[0])
-        shares.append(agreement(render, resized(reference, size_wh)).share(delta))
+        shares.append(agreement(render, resize_picture(reference, size_wh)).share(delta))
     sd = statistics.stdev(shares) if len(shares) > 1 else 0.0
     return NoiseFloor(seeds=seeds, a_self=tuple(shares), sd=sd)

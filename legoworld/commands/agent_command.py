@@ -55,7 +55,7 @@ def check(name: str, out: Output) -> int:
       legoworld agent check my-agent.toml
     """
     from legoworld.agents.agent_cards import agent_problems, load_agent
-    from legoworld.agents.shown import AgentNotStartedError, version_in_sandbox
+    from legoworld.agents.exposed_paths import AgentNotStartedError, version_in_sandbox
     from legoworld.workers.protections import protections
 
     card = load_agent(name)

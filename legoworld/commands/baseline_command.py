@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from legoworld.commands import options
-from legoworld.commands.baseline_importing import import_command
-from legoworld.commands.baseline_running import run_command
+from legoworld.commands.baseline_import import import_command
+from legoworld.commands.baseline_run import run_command
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 

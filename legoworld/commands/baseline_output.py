@@ -11,12 +11,12 @@ import click
 from legoworld.commands.options import Decorator, option
 from legoworld.commands.output import Output, table
 from legoworld.commands.param_types import TaskChoice
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import plural, share
 from legoworld.records.base import UNSET
 from legoworld.tasks.task import Task
 
 if TYPE_CHECKING:
-    from legoworld.baselines.confinement import Confined
+    from legoworld.baselines.confinement import BaselineConfinement
     from legoworld.readouts.protocol import Protocol
     from legoworld.records.run_rows import RunRow
     from legoworld.running.readout_run import RunResult
@@ -33,7 +33,7 @@ def task(text: str) -> Decorator:
     return option("--task", text, TaskChoice(_has_baseline), required=True)
 
 
-def track_of(task: str, track: Path) -> tuple[Track, Protocol]:
+def load_track_and_protocol(task: str, track: Path) -> tuple[Track, Protocol]:
     """The track and its task's protocol; click.UsageError for a track of another task."""
     from legoworld.readouts.protocol import protocol
     from legoworld.tracks.track import load_track, serves
@@ -58,7 +58,7 @@ def labels(path: Path | None, protocol: Protocol) -> dict[str, str | None]:
     return label_map(path, protocol.vocabulary, protocol.task.name)
 
 
-def warn_unconfined(confined: Confined, notice: Callable[[str], None]) -> None:
+def warn_unconfined(confined: BaselineConfinement, notice: Callable[[str], None]) -> None:
     """Say what a baseline's process is not kept from where there is no bubblewrap."""
     if confined.held.bubblewrap is None:
         missing = ", ".join(confined.record().does_not_hold)
@@ -81,7 +81,9 @@ def show(result: RunResult, output: Path, out: Output) -> int:
 def _lines(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool) -> Iterator[str]:
     summary = result.summary
     if verbose:
-        cells = [(row.image_id, row.file_name, row.status, _made(row)) for row in result.rows]
+        cells = [
+            (row.image_id, row.file_name, row.status, _result_cell(row)) for row in result.rows
+        ]
         yield table(("image", "photo", "status", "predicted"), cells) + "\n"
     for row in bad[:50]:
         yield f"{row.status}: {row.file_name} (image {row.image_id}): {row.reason}"
@@ -93,14 +95,14 @@ def _lines(result: RunResult, bad: list[RunRow], output: Path, *, verbose: bool)
     line = f"{share(coverage.ok, coverage.attempted, 'image', 'images')} predicted"
     if coverage.ok_empty is not UNSET:
         what = ("box", "boxes") if load_card(summary.task).reads == "boxes" else ("mask", "masks")
-        made = counted(summary.predictions or 0, *what)
+        made = plural(summary.predictions or 0, *what)
         line += f" ({coverage.ok_empty} without any), {made}"
     if summary.partial:
         line += ", partial run"
     yield f"{line} -> {output}"
 
 
-def _made(row: RunRow) -> Cell:
+def _result_cell(row: RunRow) -> Cell:
     if row.status != "ok":
         return "-"
     if row.depth and row.rendered_wh:

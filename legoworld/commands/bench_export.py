@@ -10,7 +10,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FILE, FOLDER
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 if TYPE_CHECKING:
     from legoworld.bench.harbor import HarborOptions
@@ -58,7 +58,7 @@ def export_command(dataset: Path, harbor: bool, output: Path, settings: HarborOp
 
     assert harbor  # the only form there is
     tasks = export_harbor(read_dataset(dataset / "private"), output, settings)
-    click.echo(f"{counted(len(tasks), 'task', 'tasks')} -> {output}")
+    click.echo(f"{plural(len(tasks), 'task', 'tasks')} -> {output}")
     return 0
 
 

@@ -13,12 +13,12 @@ from legoworld.commands.options import off, option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FOLDER, FROM_ZERO
 from legoworld.commands.progress import shown_progress
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import plural, share
 from legoworld.tasks.shipped import BENCH
 
 if TYPE_CHECKING:
+    from legoworld.bench.dataset import MadeDataset
     from legoworld.bench.family import MadeFamily
-    from legoworld.bench.making import MadeDataset
     from legoworld.scene.blender_process import Limits
     from legoworld.scene.cache import SnapshotCache
     from legoworld.workers.engines import EngineName
@@ -80,8 +80,8 @@ def make_command(
       legoworld bench make references -o bench
       legoworld bench make references -o bench --size 960x540 --keep-scenes itself
     """
+    from legoworld.bench.dataset import MakeRequest, make_dataset
     from legoworld.bench.family import MakeOptions
-    from legoworld.bench.making import MakeRequest, make_dataset
     from legoworld.cards import load_card
     from legoworld.records.base import to_record
     from legoworld.records.bench_dataset import PictureCard, RenderCard
@@ -120,7 +120,7 @@ def make_command(
 
         made = make_dataset(request, total=listener.total, progress=progress)
     out.show(lambda: _document(made, output), _lines(made, output, verbose=out.verbose))
-    return 1 if made.refused else 0
+    return 1 if made.refused_families else 0
 
 
 def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
@@ -137,18 +137,18 @@ def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
 
 
 def _lines(made: MadeDataset, output: Path, *, verbose: bool) -> Iterator[str]:
-    for family in made.refused:
+    for family in made.refused_families:
         yield f"{family.status}: {family.family}: {family.reason}"
     for family in made.families if verbose else ():
         yield from _cases(family)
-    good = len(made.families) - len(made.refused)
+    good = len(made.families) - len(made.refused_families)
     cases = sum(len(f.cases) for f in made.families)
     line = f"{share(good, len(made.families), 'scene', 'scenes')} made into "
-    line += counted(cases, "case", "cases")
+    line += plural(cases, "case", "cases")
     if made.track is None:
         yield f"{line}: no dataset was written"
         return
-    yield f"{line}, {counted(len(made.track.categories), 'category', 'categories')}"
+    yield f"{line}, {plural(len(made.track.categories), 'category', 'categories')}"
     spread = [f.truth.noise_floor for m in made.families for f in m.cases if f.truth.noise_floor]
     if spread:
         lowest = min(min(n.a_self) for n in spread)
@@ -161,6 +161,6 @@ def _lines(made: MadeDataset, output: Path, *, verbose: bool) -> Iterator[str]:
 
 def _cases(family: MadeFamily) -> list[str]:
     return [
-        f"{case.file_name}: {counted(len(case.truth.scored), 'scored object', 'scored objects')}"
+        f"{case.file_name}: {plural(len(case.truth.scored), 'scored object', 'scored objects')}"
         for case in family.cases
     ]

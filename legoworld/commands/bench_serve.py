@@ -54,7 +54,7 @@ def serve_command(
       legoworld bench serve bench < requests.jsonl > scores.jsonl
       legoworld bench serve bench --root submissions --no-render --workers 2 < requests.jsonl
     """
-    from legoworld.bench.serving import ScoreServer, ServeOptions
+    from legoworld.bench.server import ScoreServer, ServeOptions
     from legoworld.evaluation.reconstruction.dataset import read_dataset
     from legoworld.evaluation.reconstruction.protocol import bench_protocol
     from legoworld.records.base import canonical

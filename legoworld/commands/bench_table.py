@@ -87,7 +87,7 @@ def judges_command(
     from legoworld.files import sha256_of_file, write_text
     from legoworld.records.base import as_json as plain
     from legoworld.records.base import readable
-    from legoworld.records.folders.evaluation_reading import EVIDENCE
+    from legoworld.records.folders.read_evaluation import EVIDENCE
 
     sides = read_entries(evaluations) if evaluations else []
     agreement = judge_agreement(

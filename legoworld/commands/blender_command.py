@@ -83,12 +83,12 @@ def serve(
       legoworld blender serve room.blend --port 9900 --workspace room-work
       BLENDER_PORT=9900 DISABLE_TELEMETRY=1 mcp-for-blender
     """
-    from legoworld.endpoint.serving import Serving, serve_endpoint
+    from legoworld.endpoint.serve import EndpointOptions, serve_endpoint
     from legoworld.workers.sandbox import SandboxLimits
 
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: over.set())
-    serving = Serving(
+    serving = EndpointOptions(
         scene=scene,
         port=port,
         workspace=workspace,
@@ -121,11 +121,11 @@ def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> i
       claude mcp add blender -- legoworld blender mcp --workspace work
     """
     from legoworld.agents.mcp_endpoint import serve_mcp
-    from legoworld.endpoint.serving import Serving
+    from legoworld.endpoint.serve import EndpointOptions
     from legoworld.endpoint.session import CALL_TIME_S
     from legoworld.workers.sandbox import SandboxLimits
 
-    serving = Serving(
+    serving = EndpointOptions(
         scene=None,
         port=0,
         workspace=workspace,

@@ -68,13 +68,15 @@ def command(
       legoworld compare --join comparisons/coco comparisons/eth3d -o comparisons/all
     """
     from legoworld.api.comparison import Comparison, compare
-    from legoworld.api.listening import Listener
+    from legoworld.api.listener import Listener
 
     if joining:
         return _join(evaluations, output, out, overwrite=given.get("overwrite", False))
     given["listener"] = Listener(notice=out.step)
     found = compare(
-        cast("Sequence[Path]", [_evaluated(folder) for folder in evaluations]), output, **given
+        cast("Sequence[Path]", [_require_evaluation(folder) for folder in evaluations]),
+        output,
+        **given,
     )
     comparisons = [found] if isinstance(found, Comparison) else list(found.values())
     out.show(found.to_dict, _lines(comparisons, output, verbose=out.verbose))
@@ -87,7 +89,7 @@ def command(
 def _join(evaluations: Sequence[Path], output: Path, out: Output, *, overwrite: bool) -> int:
     """Join finished comparisons; how a comparison is made is refused."""
     from legoworld.api.comparison import Comparison
-    from legoworld.comparison.making import make_joined
+    from legoworld.comparison.make_comparison import make_joined
 
     options.refuse_given(
         ("draws", "seed", "fail_below", "allow_truth_prompts"),
@@ -99,11 +101,11 @@ def _join(evaluations: Sequence[Path], output: Path, out: Output, *, overwrite: 
     return exit_codes.DONE
 
 
-def _evaluated(folder: Path) -> Path | ByTask[Evaluation]:
+def _require_evaluation(folder: Path) -> Path | ByTask[Evaluation]:
     """An evaluation's folder, or the evaluations of several tasks below it."""
     from legoworld.api.by_task import ByTask, tasks_below
     from legoworld.api.evaluation import Evaluation
-    from legoworld.records.folders.evaluation_reading import EVIDENCE
+    from legoworld.records.folders.read_evaluation import EVIDENCE
 
     tasks = tasks_below(folder, EVIDENCE)
     opened = {task: Evaluation.open(folder / task) for task in tasks}
@@ -111,12 +113,12 @@ def _evaluated(folder: Path) -> Path | ByTask[Evaluation]:
 
 
 def _lines(found: list[Comparison], output: Path, *, verbose: bool) -> Iterator[str]:
-    from legoworld.comparison.tables import comparisons_of
-    from legoworld.evaluation.family import evaluation_of
+    from legoworld.comparison.tables import list_comparisons
+    from legoworld.evaluation.family import load_evaluation_family
 
     yield from (_text(comparison, verbose=verbose) for comparison in found)
-    tasks = {one.task for c in found for one in comparisons_of(c.document)}
-    yield report_hint(output, photos=any(evaluation_of(task).photos for task in tasks))
+    tasks = {one.task for c in found for one in list_comparisons(c.document)}
+    yield report_hint(output, photos=any(load_evaluation_family(task).photos for task in tasks))
 
 
 def _text(found: Comparison, *, verbose: bool) -> str:

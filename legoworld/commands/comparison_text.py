@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from legoworld.comparison.tables import (
-    comparisons_of,
     coverage_table,
     cut,
     headline_blocks,
+    list_comparisons,
     notes_of,
     number,
 )
-from legoworld.comparison.verdict import headline_rows, standing, verdict_sentence
-from legoworld.pluralize import counted
+from legoworld.comparison.verdict import classify_difference, headline_rows, verdict_sentence
+from legoworld.pluralize import plural
 from legoworld.tables.table import Cell, Table, table
 from legoworld.tables.terminal import WIDTH, filled, terminal
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 def short_comparison(document: Document) -> str:
     """The verdict of every pair, its coverage, and its headline metrics with their differences."""
-    pairs = [(one.task, pair) for one in comparisons_of(document) for pair in one.pairs]
+    pairs = [(one.task, pair) for one in list_comparisons(document) for pair in one.pairs]
     verdicts = [f"{verdict_sentence(task, pair)}." for task, pair in pairs]
-    count = counted(len(notes_of(document)), "note", "notes")
+    count = plural(len(notes_of(document)), "note", "notes")
     ends = [f"{start}{reasons}" for start, reasons in _not_paired(document)]
     ends.append(f"{count} on interpretation, and all tables: -v")
     blocks = (terminal(_headline(task, pair)) for task, pair in pairs)
@@ -66,7 +66,7 @@ def _headline(task: str, pair: Pair) -> Table:
 
 def _word(row: ComparisonRow) -> str:
     """The side that the interval of the difference favours, in a word that fits the table."""
-    verdict = standing(row)
+    verdict = classify_difference(row)
     return "undecided" if verdict == "not told apart" else verdict
 
 

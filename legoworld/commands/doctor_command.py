@@ -14,7 +14,7 @@ import click
 
 from legoworld.commands import options
 from legoworld.commands.output import Output, table
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 if TYPE_CHECKING:
     from legoworld.baselines.cards import BaselineCard
@@ -156,11 +156,11 @@ def _sandbox() -> Finding:
 
     held = protections("auto")
     by = "the kernel" if held.counted else "looking 20 times a second"
-    found = f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not)
+    description = f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not)
     return Finding(
         name="sandbox",
         good=held.bubblewrap is not None,
-        found=f"{found}; processes counted by {by}",
+        found=f"{description}; processes counted by {by}",
         next_step="programs run by `execute` are limited but not sandboxed: "
         + how_to_have(held.why_not or ""),
         needed=False,
@@ -168,12 +168,14 @@ def _sandbox() -> Finding:
 
 
 def _lvis() -> Finding:
-    from legoworld.evaluation.detection.lvis_package import HOW_TO_INSTALL, installed
+    from legoworld.evaluation.detection.lvis_package import HOW_TO_INSTALL, is_installed
 
     return Finding(
         name="LVIS evaluator",
-        good=installed(),
-        found="the official lvis package" if installed() else "the lvis package is not installed",
+        good=is_installed(),
+        found="the official lvis package"
+        if is_installed()
+        else "the lvis package is not installed",
         next_step=f"{HOW_TO_INSTALL} (to score --task lvis)",
         needed=False,
     )
@@ -199,7 +201,7 @@ def _cache() -> Finding:
     return Finding(
         name="snapshot cache",
         good=free > 1,
-        found=f"{counted(len(files), 'file', 'files')}, {size:,.0f} MB in {folder}; "
+        found=f"{plural(len(files), 'file', 'files')}, {size:,.0f} MB in {folder}; "
         f"{free:,.0f} GB free",
         next_step="free some space, delete the cache folder, or set LEGOWORLD_CACHE",
     )
@@ -220,7 +222,7 @@ def _baselines() -> list[Finding]:
 
 def _baseline(card: BaselineCard, given: Path | None) -> Finding:
     from legoworld.baselines import environments
-    from legoworld.baselines.accelerators import needs_torch, torch_of
+    from legoworld.baselines.accelerators import inspect_torch, needs_torch
     from legoworld.errors import LegoWorldError
 
     name, install = f"baseline {card.name}", f"legoworld baseline install {card.name}"
@@ -232,7 +234,7 @@ def _baseline(card: BaselineCard, given: Path | None) -> Finding:
     build = ""
     try:
         lacking = environments.problems(card, python)
-        build = f"; {torch_of(python)}" if needs_torch(card) else ""
+        build = f"; {inspect_torch(python)}" if needs_torch(card) else ""
     except LegoWorldError as error:
         lacking = [f"{error.what}: {error.found}"]
     return Finding(

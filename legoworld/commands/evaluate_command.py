@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 import click
 
 from legoworld import exit_codes
-from legoworld.api.listening import Listener
+from legoworld.api.listener import Listener
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output, on_terminal, report_hint
@@ -84,17 +84,17 @@ def command(
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
     """
     from legoworld.api.evaluation import Evaluation, evaluate
-    from legoworld.commands.truths import truth_of
+    from legoworld.commands.truths import parse_truths
 
-    with _listening(out) as given["listener"]:
-        found = evaluate(run, output, truth=truth_of(run, truths), **given)
-    evaluations = [found] if isinstance(found, Evaluation) else list(found.values())
-    out.show(found.to_dict, _lines(evaluations, found.folder, verbose=out.verbose))
+    with _open_listener(out) as given["listener"]:
+        evaluation = evaluate(run, output, truth=parse_truths(run, truths), **given)
+    evaluations = [evaluation] if isinstance(evaluation, Evaluation) else list(evaluation.values())
+    out.show(evaluation.to_dict, _lines(evaluations, evaluation.folder, verbose=out.verbose))
     return exit_codes.DONE
 
 
 def _lines(found: list[Evaluation], folder: Place, *, verbose: bool) -> Iterator[str]:
-    from legoworld.evaluation.family import evaluation_of, evaluation_text
+    from legoworld.evaluation.family import evaluation_text, load_evaluation_family
 
     for one in found:
         if len(found) > 1:
@@ -102,13 +102,15 @@ def _lines(found: list[Evaluation], folder: Place, *, verbose: bool) -> Iterator
         if verbose:
             yield f"{evaluation_text(one.summary)}\n\n-> {one.folder}"
         else:
-            yield f"{evaluation_of(one.task).short(one.summary)}\n-> {one.folder}"
+            yield f"{load_evaluation_family(one.task).short(one.summary)}\n-> {one.folder}"
     if isinstance(folder, Path):
-        yield report_hint(folder, photos=any(evaluation_of(one.task).photos for one in found))
+        yield report_hint(
+            folder, photos=any(load_evaluation_family(one.task).photos for one in found)
+        )
 
 
 @contextmanager
-def _listening(out: Output) -> Iterator[Listener]:
+def _open_listener(out: Output) -> Iterator[Listener]:
     """Notices on a terminal or with -v; a progress bar there if images are scored one by one."""
     if out.quiet or not on_terminal():
         yield Listener(notice=out.step, warn=out.notice)

@@ -51,7 +51,7 @@ def verify_command(folder: Path, root: Path | None, out: Output) -> int:
     from legoworld.comparison.folder import KINDS
     from legoworld.comparison.verification import verify_comparison
     from legoworld.evaluation.evidence import verify
-    from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
+    from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
 
     checks = []
     for one in folders_of_tasks(folder, EVIDENCE):

@@ -10,7 +10,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 
 @click.command("export")
@@ -41,7 +41,7 @@ def command(
     n_images, n_annotations = len(document.images), len(document.annotations)
     out.show(
         {"format": form, "output": str(output), "images": n_images, "annotations": n_annotations},
-        f"{counted(n_annotations, 'annotation', 'annotations')} of "
-        f"{counted(n_images, 'image', 'images')} -> {output}",
+        f"{plural(n_annotations, 'annotation', 'annotations')} of "
+        f"{plural(n_images, 'image', 'images')} -> {output}",
     )
     return 0

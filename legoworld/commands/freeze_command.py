@@ -14,7 +14,7 @@ from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER
 from legoworld.commands.progress import shown_progress
 from legoworld.errors import name_on_line
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import plural, share
 
 if TYPE_CHECKING:
     from legoworld.records.frozen import FrozenRow
@@ -85,5 +85,5 @@ def _lines(rows: list[FrozenRow], bad: list[FrozenRow], out: Output) -> Iterator
             if check.status != "ok":
                 yield f"{check.status}: {scene}/{name}: {check.reason}"
     frozen = share(len(rows) - len(bad), len(rows), "scene", "scenes")
-    failed = counted(len(bad), "scene fails a check", "scenes fail a check")
+    failed = plural(len(bad), "scene fails a check", "scenes fail a check")
     yield f"{frozen} frozen, {failed if bad else 'all checks passed'}"

@@ -14,7 +14,7 @@ from legoworld.commands.options import flag, option
 from legoworld.commands.output import Output, table
 from legoworld.commands.param_types import EXISTING_PLACE, TaskChoice
 from legoworld.commands.sentences import outside_the_vocabulary
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def command(
     """
     from legoworld.api.folders import read_from
     from legoworld.api.scenes import open_scene
-    from legoworld.api.settings import protocol_of
+    from legoworld.api.settings import load_protocol
 
     if compare_sources:
         options.refuse_given(
@@ -84,7 +84,7 @@ def command(
 
         height, width = read_photo(photo).shape[:2]
         size_wh = (width, height)
-    reading = protocol_of(task, track)  # refused before a scene is opened for it
+    reading = load_protocol(task, track)  # refused before a scene is opened for it
 
     def look(folder: Path, size: tuple[int, int] | None) -> SceneView:
         return open_scene(folder, **given).view_by(reading, size)
@@ -114,7 +114,7 @@ def _refuse_a_folder_of_scenes(scene: Place) -> None:
     below = sorted({p.parent for name in (BLEND, GLB) for p in scene.glob(f"*/{name}")})
     if below:
         raise click.UsageError(
-            f"{scene} contains {counted(len(below), 'scene folder', 'scene folders')} but is not "
+            f"{scene} contains {plural(len(below), 'scene folder', 'scene folders')} but is not "
             f"one itself: pass one of them, such as {below[0]}"
         )
 
@@ -140,8 +140,8 @@ def _lines(view: SceneView, output: Path | None, out: Output) -> Iterator[str]:
     labelled = sum(e.labelled for e in entries)
     width, height = view.size_wh
     yield (
-        f"\n{counted(len(entries), 'instance', 'instances')} ({labelled} labelled), "
-        f"{counted(view.n_triangles, 'triangle', 'triangles')}; "
+        f"\n{plural(len(entries), 'instance', 'instances')} ({labelled} labelled), "
+        f"{plural(view.n_triangles, 'triangle', 'triangles')}; "
         f"camera {camera.name!r} {camera.type} {camera.lens_mm:g} mm; {width}x{height}; "
         f"1 unit = {render.unit_scale:g} m; frame {render.frame}"
     )

@@ -60,9 +60,9 @@ def command(
         click.echo(schema_text(file_format), nl=False)
         return 0
     if kind == "schema":
-        from legoworld.api.settings import protocol_of
+        from legoworld.api.settings import load_protocol
 
-        reading = protocol_of(task if task or track else DEFAULT, track)
+        reading = load_protocol(task if task or track else DEFAULT, track)
         assert reading is not None
         return _schema(reading, out)
     options.refuse_given(["track", "file_format"], f"is for schema, not for {kind}")
@@ -77,7 +77,7 @@ def command(
     for error in broken:
         click.echo(f"legoworld: {error}", err=True)
     keys = ("name", "version", "title", "licence")
-    shown = [(*words, _cut(licence)) for *words, licence in cards]
+    shown = [(*words, _truncate_cell(licence)) for *words, licence in cards]
     none = f"no {kind} are installed" + (f" for {task}" if task else "")
     out.show(
         {kind: [dict(zip(keys, card, strict=True)) for card in cards]},
@@ -86,7 +86,7 @@ def command(
     return exit_codes.INCOMPLETE if broken else exit_codes.DONE
 
 
-def _cut(text: str, limit: int = 60) -> str:
+def _truncate_cell(text: str, limit: int = 60) -> str:
     """A truncated table cell; --json has the full text."""
     return text if len(text) <= limit else f"{text[: limit - 1]}…"
 
@@ -96,7 +96,7 @@ def _cards(kind: str, task: str | None) -> list[tuple[str, ...]]:
     if kind == "tasks":
         from legoworld.cards import load_card
 
-        readouts = [load_card(one.name).declared.readout for one in known_tasks()]
+        readouts = [load_card(one.name).record.readout for one in known_tasks()]
         readouts.sort(key=lambda readout: readout.name)
         return [(r.name, r.version, r.title, "") for r in readouts if task in (None, r.task)]
     from legoworld.records.cards import BaselineCardFile, DatasetCardFile
@@ -134,25 +134,26 @@ def _schema(reading: Protocol, out: Output) -> int:
     from legoworld.readouts.instructions import instructions
     from legoworld.readouts.instructions_text import instructions_text
 
-    told = instructions(reading)
-    out.show(lambda: _document(told), [instructions_text(told).removesuffix("\n")])
+    text = instructions(reading)
+    out.show(lambda: _document(text), [instructions_text(text).removesuffix("\n")])
     return 0
 
 
-def _document(told: Instructions) -> dict[str, Any]:
+def _document(instructions: Instructions) -> dict[str, Any]:
     from legoworld.readouts.instructions import accepted_synonyms
 
-    reading = told.protocol
-    vocabulary, rules = reading.vocabulary, reading.card.declared.vocabulary
+    reading = instructions.protocol
+    vocabulary, rules = reading.vocabulary, reading.card.record.vocabulary
     return {
         "task": reading.task.name,
         "card": {"version": reading.card.version, "sha256": reading.card.sha256},
         "sections": [
-            {"id": s.id, "title": s.title, "statements": list(s.statements)} for s in told.sections
+            {"id": s.id, "title": s.title, "statements": list(s.statements)}
+            for s in instructions.sections
         ],
         "property": rules.property if rules else None,
         "override_property": reading.override_property,
-        "labels_file": told.labels_file,
+        "labels_file": instructions.labels_file,
         "vocabulary": [c.name for c in vocabulary.categories] if vocabulary else None,
         "synonyms": accepted_synonyms(vocabulary) if vocabulary else None,
         "vocabulary_sha256": vocabulary.sha256 if vocabulary else None,

@@ -11,7 +11,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_PLACE, PLACE
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import plural, share
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def command(
     from legoworld.api.by_task import folder_of_task, tasks_below
     from legoworld.api.family_options import options_by_task
     from legoworld.api.folders import read_from, written_at
-    from legoworld.records.folders.run_reading import RUN
-    from legoworld.running.merging import merge_shards
+    from legoworld.records.folders.read_run import RUN
+    from legoworld.running.merge_shards import merge_shards
 
     with ExitStack() as stack:
         here = [stack.enter_context(read_from(shard)) for shard in shards]
@@ -65,7 +65,7 @@ def command(
                 parts, folder, images_per_file=per_file, overwrite=overwrite
             ).summary
     merged: list[Document] = [{"run": str(place), "summary": one} for place, one in results.items()]
-    given = counted(len(shards), "run", "shards")
+    given = plural(len(shards), "run", "shards")
     lines = (
         f"{given}, {share(one.coverage.ok, one.coverage.attempted, 'image', 'images')} read "
         f"-> {place}"

@@ -13,7 +13,7 @@ from legoworld.commands.param_types import EXISTING_FILE, Choice
 
 if TYPE_CHECKING:
     from legoworld.baselines.cards import BaselineCard
-    from legoworld.baselines.confinement import Confined
+    from legoworld.baselines.confinement import BaselineConfinement
     from legoworld.records.cards import OptionValue
     from legoworld.workers.protections import Confinement
 
@@ -29,7 +29,7 @@ class ChosenModel(TypedDict):
     options: Mapping[str, OptionValue | None]
     offline: bool
     time_limit_s: float | None
-    confined: Confined
+    confined: BaselineConfinement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class ModelOptions:
         """How the baseline of a card is run. inputs: what it may read besides its own files."""
         from legoworld.baselines.accelerators import chosen_device, chosen_dtype
         from legoworld.baselines.cards import chosen_options
-        from legoworld.baselines.confinement import confined
+        from legoworld.baselines.confinement import confine_baseline
         from legoworld.baselines.environments import chosen_python
 
         assert self.weights is not None
@@ -64,7 +64,7 @@ class ModelOptions:
             "options": chosen_options(card, self.options),
             "offline": self.offline,
             "time_limit_s": self.time_limit_s,
-            "confined": confined(
+            "confined": confine_baseline(
                 card, self.weights, self.sandbox, offline=self.offline, inputs=inputs
             ),
         }

@@ -240,7 +240,7 @@ _LIMITS: Final = (
 )
 #: Limits of each Blender process as the Python API's arguments, or as `limits: Limits`.
 api_limits: Final = all_of(*_LIMITS)
-limits: Final = together("limits", "legoworld.api.settings:limits_of", *_LIMITS)
+limits: Final = together("limits", "legoworld.api.settings:make_limits", *_LIMITS)
 _CACHE: Final = (option("--no-cache"), option("--cache"))
 #: The snapshot cache as the Python API's `cache: bool | Path`, or as a `SnapshotCache | None`.
 api_cache: Final = together("cache", _cache, *_CACHE)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import escaped
+from legoworld.errors import escape_json
 from legoworld.tables.table import Cell
 from legoworld.tables.table import table as of_cells
 from legoworld.tables.terminal import terminal
@@ -67,7 +67,7 @@ def print_json(document: Document) -> None:
 
     whole = {"schema_version": SCHEMA_VERSION, **document}
     text = json.dumps(whole, sort_keys=True, ensure_ascii=False, default=as_json)
-    click.echo(escaped(text))
+    click.echo(escape_json(text))
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:

@@ -17,7 +17,7 @@ from legoworld.plugin.modules import MODULES
 
 if TYPE_CHECKING:
     from legoworld.plugin.hooks import Dialect
-    from legoworld.plugin.serving import PluginServing
+    from legoworld.plugin.serve import PluginServing
 
 _DIALECTS: Final = Choice(["claude", "codex", "cursor"])
 
@@ -71,7 +71,7 @@ def serve(**given: Unpack[PluginServing]) -> int:
       legoworld plugin serve --photo room.jpg --evidence evidence
       legoworld plugin serve --blender 127.0.0.1:9900 --ledger case-1
     """
-    from legoworld.plugin.serving import serve_plugin
+    from legoworld.plugin.serve import serve_plugin
 
     serve_plugin(**given)
     return 0
@@ -158,11 +158,11 @@ def install(
       legoworld plugin install --for codex --ledger case-1 --write
       legoworld plugin install --for cursor --undo
     """
-    from legoworld.plugin import installing
+    from legoworld.plugin import install
 
     if undo:
-        changes = installing.uninstall(dialect, project)
-        installing.write(project, changes)
+        changes = install.uninstall(dialect, project)
+        install.write(project, changes)
         for change in changes:
             click.echo(f"{'removed' if change.after is None else 'restored'} {change.path}")
         if not changes:
@@ -172,8 +172,8 @@ def install(
     for name, path in (("--photo", photo), ("--evidence", evidence)):
         serve_words += [] if path is None else [name, str(path.resolve())]
     serve_words += ["--require-transaction"] if require_transaction else []
-    changes = installing.install(
-        installing.Wanted(
+    changes = install.install(
+        install.InstallPlan(
             dialect=dialect,
             project=project,
             ledger=ledger.resolve(),
@@ -182,11 +182,11 @@ def install(
         )
     )
     if write:
-        installing.write(project, changes)
+        install.write(project, changes)
     for change in changes:
         if write:
             click.echo(f"{'unchanged' if change.before == change.after else 'wrote'} {change.path}")
-        elif not change.path.endswith((installing.RECORD, "SKILL.md")):
+        elif not change.path.endswith((install.RECORD, "SKILL.md")):
             click.echo(f"# {change.path}\n{change.after}")
     if dialect == "codex" and write:
         click.echo("open /hooks in Codex and trust them: untrusted hooks do not run")

@@ -17,16 +17,16 @@ from legoworld.commands.param_types import EXISTING_FILE, EXISTING_FOLDER, Choic
 
 if TYPE_CHECKING:
     from legoworld.baselines.photo_provider import ProviderRequest
-    from legoworld.plugin.evidence_making import Given, Provided
+    from legoworld.plugin.make_evidence import BaselineEvidence, UserEvidence
 
 
-def _given(task: str | None, **given: Any) -> Given:
+def _given(task: str | None, **given: Any) -> UserEvidence:
     """What a user brings. task: whose category ids a results file has."""
-    from legoworld.api.settings import protocol_of
-    from legoworld.plugin.evidence_making import Given
+    from legoworld.api.settings import load_protocol
+    from legoworld.plugin.make_evidence import UserEvidence
 
-    protocol = protocol_of(task, None)
-    return Given(vocabulary=protocol.vocabulary if protocol else None, **given)
+    protocol = load_protocol(task, None)
+    return UserEvidence(vocabulary=protocol.vocabulary if protocol else None, **given)
 
 
 @click.command("evidence")
@@ -81,7 +81,7 @@ def _given(task: str | None, **given: Any) -> Given:
 @flag("-v --verbose", "Show the provider's output.")
 @option("--output", "Folder to write.")
 def evidence(
-    given: Given, provider: str | None, model: ModelOptions, verbose: bool, output: Path
+    given: UserEvidence, provider: str | None, model: ModelOptions, verbose: bool, output: Path
 ) -> int:
     """Gather what a photo says about its scene: regions, relative depth, camera rotation.
 
@@ -97,7 +97,7 @@ def evidence(
       legoworld plugin evidence --photo room.jpg --provider vggt --weights facebook/VGGT-1B \\
         --device auto --regions outlines.json -o evidence
     """
-    from legoworld.plugin.evidence_making import make_evidence
+    from legoworld.plugin.make_evidence import make_evidence
     from legoworld.workers.scratch import scratch_folder
 
     if sum(one is not None for one in (given.hfov_deg, given.camera, provider)) > 1:
@@ -110,10 +110,10 @@ def evidence(
             options.refuse_given([*vars(model)], "needs a --provider")
         made = make_evidence(given, output)
     source = made.camera.rotation_source
-    told = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"
+    rotation = f"rotation from {source}" if source else f"unknown: {made.camera.unknown}"
     click.echo(f"regions  {len(made.regions)}")
     click.echo(f"depth    {made.depth.source if made.depth else 'none'}")
-    click.echo(f"camera   {told}")
+    click.echo(f"camera   {rotation}")
     click.echo(f"evidence {output}")
     return 0
 
@@ -129,7 +129,9 @@ def _request(name: str, model: ModelOptions) -> ProviderRequest:
     return ProviderRequest(**model.chosen(card))
 
 
-def _ask(request: ProviderRequest, photo: Path, scratch: Path, *, verbose: bool) -> Provided:
+def _ask(
+    request: ProviderRequest, photo: Path, scratch: Path, *, verbose: bool
+) -> BaselineEvidence:
     """The provider's answer, and a line of what it says of the camera."""
     from legoworld.baselines.photo_provider import ask_provider
 

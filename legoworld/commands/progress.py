@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from legoworld.api.listening import Listener
+from legoworld.api.listener import Listener
 from legoworld.commands.output import Output, on_terminal
 from legoworld.pluralize import share
 from legoworld.records.run_rows import RunRow
@@ -34,7 +34,7 @@ class LineProgress:
         """Set the number of units."""
         self._total = n
 
-    def kept(self, n: int) -> None:
+    def count_kept(self, n: int) -> None:
         """Count the units kept from an earlier run; they do not affect the rate."""
         self._kept = n
 
@@ -59,7 +59,9 @@ def shown_progress(unit: str, *, quiet: bool) -> Iterator[Listener]:
     say = Output(quiet=quiet).notice
     if not quiet and not on_terminal():
         counter = LineProgress(unit, say, time.monotonic)
-        yield Listener(total=counter.total, row=counter, kept=counter.kept, notice=say, warn=say)
+        yield Listener(
+            total=counter.total, row=counter, kept=counter.count_kept, notice=say, warn=say
+        )
         return
     if quiet:
         yield Listener(notice=say, warn=say)

@@ -23,7 +23,7 @@ from legoworld.commands.param_types import (
 from legoworld.commands.progress import shown_progress
 from legoworld.commands.run_text import show_runs
 from legoworld.remote import Place
-from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.dataset_versions import find_dataset
 
 if TYPE_CHECKING:
     from legoworld.api.readout import ReadoutOptions
@@ -94,7 +94,7 @@ def command(
 
     only = task[0] if len(task) == 1 else None
     if scenes is None:
-        shipped = {name: shipped_examples(dataset_of(name)) for name in task}
+        shipped = {name: shipped_examples(find_dataset(name)) for name in task}
         scenes = shipped[task[0]][0]
         given["track"] = given.get("track") or {name: own for name, (_, own) in shipped.items()}
         output = output or Path("legoworld-runs") / (f"examples-{only}" if only else "examples")

@@ -11,7 +11,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, FILE
-from legoworld.pluralize import counted, share, word_for
+from legoworld.pluralize import plural, share, word_for
 
 
 @click.command("report")
@@ -52,7 +52,7 @@ def command(
       legoworld report evals/agent-1 evals/agent-2 -o bench.html
     """
     from legoworld.api.by_task import folders_of_tasks
-    from legoworld.records.folders.evaluation_reading import EVIDENCE
+    from legoworld.records.folders.read_evaluation import EVIDENCE
     from legoworld.report.document import page_document
     from legoworld.report.page_file import write_page
     from legoworld.report.sources import read_sources
@@ -68,7 +68,7 @@ def command(
         views = share(missing, len(document.views), "view", "views")
         out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")
     more = f" and {written.beside}" if written.beside else ""
-    views = counted(len(document.views), "view", "views")
+    views = plural(len(document.views), "view", "views")
     out.show(
         {
             "report": str(output),

@@ -11,7 +11,7 @@ import click
 from legoworld.commands import output
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.errors import name_on_line
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import plural, share
 from legoworld.records.base import UNSET
 from legoworld.tracks.scene_names import Stranger, lower_top
 
@@ -58,7 +58,7 @@ def _lines(result: Run, *, verbose: bool) -> list[str]:
         *(_table(result.rows) if verbose else []),
         *failure_lines(result.rows, verbose=verbose),
         *stranger_lines(result.strangers, verbose=verbose),
-        *_limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose),
+        *_print_limited(_label_lines(result), "labels outside the vocabulary", verbose=verbose),
         *unlabelled_lines(result),
     ]
 
@@ -94,7 +94,7 @@ def warning_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
         row, text = alike[0]
         images = len({other.image_id for other, _ in alike})
         more = (
-            f" ({len(alike)} like it in {counted(images, 'image', 'images')})" if alike[1:] else ""
+            f" ({len(alike)} like it in {plural(images, 'image', 'images')})" if alike[1:] else ""
         )
         lines.append(f"warning: {name_on_line(row.file_name)}: {text}{more}")
     return lines
@@ -105,19 +105,19 @@ def _kind(text: str) -> str:
     return re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text)
 
 
-def stranger_lines(found: Sequence[Stranger], *, verbose: bool) -> list[str]:
+def stranger_lines(strangers: Sequence[Stranger], *, verbose: bool) -> list[str]:
     """Scene folders that match no image, and the images they may be meant for."""
-    if not found:
+    if not strangers:
         return []
-    if [s.folder for s in found] == ["."]:
+    if [s.folder for s in strangers] == ["."]:
         return ["SCENES is itself a scene folder; did you mean its parent folder?"]
-    folders = counted(len(found), "folder matches", "folders match")
-    top = lower_top(found)
+    folders = plural(len(strangers), "folder matches", "folders match")
+    top = lower_top(strangers)
     if top is not None:
         return [f"{folders} no image of the track; did you mean SCENES/{top}?"]
-    shown = found if verbose else sorted(found, key=lambda s: s.meant is None)[:_SHORT]
+    shown = strangers if verbose else sorted(strangers, key=lambda s: s.meant is None)[:_SHORT]
     names = [f"{s.folder!r}" + (f" (did you mean {s.meant!r}?)" if s.meant else "") for s in shown]
-    more = f", and {len(found) - len(shown)} more" if len(shown) < len(found) else ""
+    more = f", and {len(strangers) - len(shown)} more" if len(shown) < len(strangers) else ""
     return [f"{folders} no image of the track: {', '.join(names)}{more}"]
 
 
@@ -134,7 +134,7 @@ def unlabelled_lines(result: Run) -> list[str]:
     ]
     if not bare:
         return []
-    have = counted(len(bare), "scene has", "scenes have")
+    have = plural(len(bare), "scene has", "scenes have")
     first = name_on_line(bare[0].scene)
     task = result.summary.task
     return [
@@ -143,7 +143,7 @@ def unlabelled_lines(result: Run) -> list[str]:
     ]
 
 
-def _limited(lines: Sequence[str], what: str, *, verbose: bool) -> list[str]:
+def _print_limited(lines: Sequence[str], what: str, *, verbose: bool) -> list[str]:
     if verbose or len(lines) <= _SHORT + 1:
         return list(lines)
     return [*lines[:_SHORT], f"... and {len(lines) - _SHORT} more {what} (-v lists them)"]
@@ -151,7 +151,7 @@ def _limited(lines: Sequence[str], what: str, *, verbose: bool) -> list[str]:
 
 def _table(rows: Sequence[RunRow]) -> list[str]:
     cells = [
-        (row.image_id, row.file_name, row.status, *_exported(row), len(row.warnings))
+        (row.image_id, row.file_name, row.status, *_exported_cells(row), len(row.warnings))
         for row in rows
     ]
     header = ("image", "photo", "status", "exported", "unexported", "warnings")
@@ -177,11 +177,11 @@ def _counts(summary: RunSummary) -> str:
         line += f" ({coverage.ok_empty} without any export)"
     what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary.task))
     if what:
-        line += f", {counted(summary.predictions or 0, *what)}"
+        line += f", {plural(summary.predictions or 0, *what)}"
     if summary.validity:
         line += f", {summary.validity.valid} valid"
     if summary.warnings:
-        line += f", {counted(summary.warnings, 'warning', 'warnings')}"
+        line += f", {plural(summary.warnings, 'warning', 'warnings')}"
     if summary.partial:
         line += ", partial run"
     return line
@@ -194,7 +194,7 @@ def _exports(task: str) -> str:
     return load_card(task).reads
 
 
-def _exported(row: RunRow) -> tuple[Cell, Cell]:
+def _exported_cells(row: RunRow) -> tuple[Cell, Cell]:
     if row.status != "ok":
         return "-", "-"
     if row.surface:

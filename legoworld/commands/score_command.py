@@ -14,7 +14,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING, TaskChoice, has_track
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
@@ -96,13 +96,13 @@ def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:
     return kept
 
 
-def _document(found: PhotoScore, overlay: Path | None) -> dict[str, Storable]:
+def _document(score: PhotoScore, overlay: Path | None) -> dict[str, Storable]:
     return {
-        "row": found.row,
-        "summary": found.summary,
-        "advice": list(found.advice),
-        "execution": found.execution
-        and {"status": found.execution.status, "error": found.execution.error},
+        "row": score.row,
+        "summary": score.summary,
+        "advice": list(score.advice),
+        "execution": score.execution
+        and {"status": score.execution.status, "error": score.execution.error},
         "overlay": str(overlay) if overlay else None,
     }
 
@@ -110,7 +110,7 @@ def _document(found: PhotoScore, overlay: Path | None) -> dict[str, Storable]:
 def _lines(
     found: PhotoScore, overlay: Path | None, output: Path | None, out: Output
 ) -> Iterator[str]:
-    from legoworld.evaluation.family import evaluation_of
+    from legoworld.evaluation.family import load_evaluation_family
 
     row = found.row
     if found.execution is not None and found.execution.error is not None:
@@ -122,12 +122,12 @@ def _lines(
     if found.summary is None:
         yield f"{row.status}: {row.file_name}: {row.reason}"
         return
-    yield evaluation_of(found.summary.task).short(found.summary)
+    yield load_evaluation_family(found.summary.task).short(found.summary)
     shown = found.advice if out.verbose else found.advice[:_SHORT]
     for one in shown:
         yield f"{one.level}: {one.what}" + (f"; do: {one.do}" if one.do else "")
     if len(shown) < len(found.advice):
-        more = counted(len(found.advice) - len(shown), "finding", "findings")
+        more = plural(len(found.advice) - len(shown), "finding", "findings")
         yield f"... and {more} more (-v lists them)"
     if overlay is not None:
         yield f"overlay -> {overlay}"

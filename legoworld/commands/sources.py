@@ -8,42 +8,45 @@ from typing import TYPE_CHECKING, Any
 
 from legoworld import exit_codes
 from legoworld.commands.output import Output, table
-from legoworld.pluralize import counted, word_for
+from legoworld.pluralize import plural, word_for
 
 if TYPE_CHECKING:
     from legoworld.records.instances import InstanceRow
     from legoworld.running.source_comparison import Pair, SourceComparison
 
 
-def document(found: SourceComparison) -> dict[str, Any]:
+def document(comparison: SourceComparison) -> dict[str, Any]:
     """The comparison as a JSON document."""
     from legoworld.records.base import as_json
 
     return {
-        "size_wh": list(found.blend.view.size_wh),
-        "instances": [asdict(pair) for pair in found.pairs],
-        "disagreeing": found.disagreeing,
-        "differing_px": found.differing_px,
-        "unseen": found.unseen,
-        "lost": as_json(found.lost),
-        "gained": as_json(found.gained),
-        "differences": list(found.differences),
-        "warnings": {"blend": list(found.blend.warnings), "glb": list(found.glb.warnings)},
+        "size_wh": list(comparison.blend.view.size_wh),
+        "instances": [asdict(pair) for pair in comparison.pairs],
+        "disagreeing": comparison.n_disagreeing,
+        "differing_px": comparison.differing_px,
+        "unseen": comparison.unseen,
+        "lost": as_json(comparison.lost),
+        "gained": as_json(comparison.gained),
+        "differences": list(comparison.differences),
+        "warnings": {
+            "blend": list(comparison.blend.warnings),
+            "glb": list(comparison.glb.warnings),
+        },
         "snapshot_sha256": {
-            "blend": found.blend.scene.snapshot_sha256,
-            "glb": found.glb.scene.snapshot_sha256,
+            "blend": comparison.blend.scene.snapshot_sha256,
+            "glb": comparison.glb.scene.snapshot_sha256,
         },
     }
 
 
-def show(found: SourceComparison, out: Output) -> int:
+def show(comparison: SourceComparison, out: Output) -> int:
     """Print the shared instances, worst first, and other differences; return the exit code."""
-    out.show(lambda: document(found), _lines(found, out))
-    return exit_codes.DONE if found.faithful else exit_codes.INCOMPLETE
+    out.show(lambda: document(comparison), _lines(comparison, out))
+    return exit_codes.DONE if comparison.faithful else exit_codes.INCOMPLETE
 
 
 def _lines(found: SourceComparison, out: Output) -> Iterator[str]:
-    pairs = found.pairs if out.verbose else found.pairs[: max(40, found.disagreeing)]
+    pairs = found.pairs if out.verbose else found.pairs[: max(40, found.n_disagreeing)]
     rows = [
         (pair.name, _category(pair), pair.blend_area_px, pair.glb_area_px, f"{pair.iou:.5f}")
         for pair in pairs
@@ -52,12 +55,12 @@ def _lines(found: SourceComparison, out: Output) -> Iterator[str]:
     if len(pairs) < len(found.pairs):
         yield f"... and {len(found.pairs) - len(pairs)} more that agree (-v lists them)"
     width, height = found.blend.view.size_wh
-    disagree = word_for(found.disagreeing, "disagrees", "disagree")
+    disagree = word_for(found.n_disagreeing, "disagrees", "disagree")
     yield (
-        f"\n{counted(len(found.pairs), 'instance', 'instances')} in both sources at "
-        f"{width}x{height}: {found.disagreeing} {disagree}; "
+        f"\n{plural(len(found.pairs), 'instance', 'instances')} in both sources at "
+        f"{width}x{height}: {found.n_disagreeing} {disagree}; "
         f"{found.unseen} more {word_for(found.unseen, 'is', 'are')} not seen in either; "
-        f"{counted(found.differing_px, 'pixel differs', 'pixels differ')}"
+        f"{plural(found.differing_px, 'pixel differs', 'pixels differ')}"
     )
     yield from _one_sided("only in scene.blend", found.lost)
     yield from _one_sided("only in scene.glb", found.gained)

@@ -11,7 +11,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FILE
-from legoworld.commands.track_making import make_command
+from legoworld.commands.track_make import make_command
 from legoworld.pluralize import share, word_for
 
 if TYPE_CHECKING:
@@ -47,15 +47,15 @@ def check_command(track: Path, photos: Path, out: Output) -> int:
       legoworld track check track.json --photos coco --json
     """
     from legoworld.readouts.pictures import read_photo
-    from legoworld.track_making.making import check_photos
+    from legoworld.track_making.make_track import check_photos
     from legoworld.tracks.track import load_track
 
-    def size_of(path: Path) -> tuple[int, int]:
+    def photo_size_wh(path: Path) -> tuple[int, int]:
         height, width = read_photo(path).shape[:2]
         return width, height
 
     images = load_track(track).images
-    problems = check_photos(images, photos, size_of)
+    problems = check_photos(images, photos, photo_size_wh)
     rows: list[Document] = [
         {
             "image_id": p.image.id,

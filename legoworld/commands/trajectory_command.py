@@ -11,11 +11,11 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 if TYPE_CHECKING:
-    from legoworld.trajectories.picking import By
-    from legoworld.trajectories.scoring import ScoringOptions
+    from legoworld.trajectories.pick import By
+    from legoworld.trajectories.score_checkpoints import ScoringOptions
     from legoworld.workers.protections import Protections
     from legoworld.workers.sandbox import SandboxLimits
 
@@ -48,10 +48,10 @@ def show(scene: Path, scores: Path | None, out: Output) -> int:
     """
     from legoworld.tables.terminal import terminal
     from legoworld.trajectories.folder import read_trial
-    from legoworld.trajectories.showing import calls_table, read_scores, score_of
+    from legoworld.trajectories.page import calls_table, find_score, read_scores
 
     trial = read_trial(scene)
-    score = score_of(read_scores(scores), trial)
+    score = find_score(read_scores(scores), trial)
     about = trial.about
     source = about.finalisation.source
     submitted = "nothing was submitted" if source == "none" else f"submitted: its {source} scene"
@@ -86,14 +86,14 @@ def score(scenes: tuple[Path, ...], out: Output, **given: Unpack[ScoringOptions]
       legoworld trajectory score codex claude --truth bench/private -o scores --workers 4
     """
     from legoworld.tables.terminal import terminal
-    from legoworld.trajectories.scoring import ScoringPlan, score_trajectories
-    from legoworld.trajectories.showing import agents_table
+    from legoworld.trajectories.page import agents_table
+    from legoworld.trajectories.score_checkpoints import ScoringPlan, score_trajectories
 
     plan = ScoringPlan(**given, limits=_limits(), notice=out.notice)
     document = score_trajectories(scenes, plan)
     lines = [terminal(agents_table(document.agents))]
     if document.common is not None:
-        shared = counted(len(document.common_images), "image", "images")
+        shared = plural(len(document.common_images), "image", "images")
         lines.append(f"\nOver {shared} that all agents have:")
         lines.append(terminal(agents_table(document.common)))
     out.show({"agents": document.agents, "common": document.common}, lines)
@@ -124,13 +124,13 @@ def report(
       legoworld trajectory report scenes --photos images --scores scores -o page.html
     """
     from legoworld.trajectories.folder import recorded_trials
-    from legoworld.trajectories.showing import write_page
+    from legoworld.trajectories.page import write_page
 
     trials = recorded_trials(scenes)
     write_page(trials, output, photos=photos, scores=scores)
     out.show(
         {"page": str(output), "trials": len(trials)},
-        f"{counted(len(trials), 'trial', 'trials')} -> {output}",
+        f"{plural(len(trials), 'trial', 'trials')} -> {output}",
     )
     return 0
 
@@ -166,19 +166,17 @@ def pick(
       legoworld trajectory pick scenes --by last -o scenes-last
       legoworld trajectory pick scenes --by residuals --evidence evidence -o scenes-picked
     """
-    from legoworld.trajectories import picking
-    from legoworld.trajectories.showing import q_of_scores, read_scores
+    from legoworld.trajectories import pick
+    from legoworld.trajectories.page import final_scores, read_scores
 
-    plan = picking.PickPlan(
-        by=by, evidence=evidence, limits=_limits(), held=held, notice=out.notice
-    )
-    picks = picking.pick(scenes, output, plan)
+    plan = pick.PickPlan(by=by, evidence=evidence, limits=_limits(), held=held, notice=out.notice)
+    picks = pick.pick(scenes, output, plan)
     document = read_scores(scores)
-    saved = picking.saved_regret(picks, q_of_scores(document)) if document else None
+    saved = pick.saved_regret(picks, final_scores(document)) if document else None
     other = sum(p.ordinal != p.submitted for p in picks)
     lines = [f"{other} of {len(picks)} submissions are another checkpoint -> {output}"]
     if saved is not None:
-        of = counted(saved[1], "scene", "scenes")
+        of = plural(saved[1], "scene", "scenes")
         lines.append(f"mean regret saved: {saved[0]:+.4f} over {of}")
     out.show({"picks": picks, "regret_saved": saved}, lines)
     return 0

@@ -8,22 +8,22 @@ from pathlib import Path
 import click
 
 from legoworld.api.by_task import entry_of_task, tasks_below
-from legoworld.records.folders.run_reading import RUN
+from legoworld.records.folders.read_run import RUN
 from legoworld.remote import Place
 from legoworld.tasks.registry import task_names
 
 
-def truth_of(run: Place, texts: Sequence[str]) -> Path | dict[str, Path]:
+def parse_truths(run: Place, texts: Sequence[str]) -> Path | dict[str, Path]:
     """What `evaluate` takes as its truth. click.UsageError for texts that cannot be used.
 
     Of a folder of runs, every run needs a truth where --truth is a folder; TASK=PATH selects runs.
     """
     named = dict(text.split("=", 1) for text in texts if text.partition("=")[0] in task_names())
     if len(named) == len(texts):
-        return {task: _existing(path) for task, path in named.items()}
+        return {task: _require_existing(path) for task, path in named.items()}
     if named or len(texts) > 1:
         raise click.UsageError("--truth is one path, or TASK=PATH once for each task")
-    path = _existing(texts[0])
+    path = _require_existing(texts[0])
     tasks = tasks_below(run, RUN) if isinstance(run, Path) else []
     if not tasks:
         return path
@@ -35,7 +35,7 @@ def truth_of(run: Place, texts: Sequence[str]) -> Path | dict[str, Path]:
     return {task: entry_of_task(path, task, "ground truth") for task in tasks}
 
 
-def _existing(path: str) -> Path:
+def _require_existing(path: str) -> Path:
     if not Path(path).exists():
         raise click.BadParameter(f"Path {path!r} does not exist.", param_hint="'--truth'")
     return Path(path)

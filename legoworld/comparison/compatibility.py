@@ -7,7 +7,7 @@ from typing import Any
 
 from legoworld.comparison.family import comparison_of_task
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import UnsetType, as_json
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
@@ -21,7 +21,7 @@ class IncomparableError(LegoWorldError):
     code = "incomparable"
 
 
-def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -> None:
+def check_comparable(sides: Sequence[StoredEvaluation], *, allow_truth_prompts: bool) -> None:
     """Check every baseline against the first side. IncomparableError names all differences."""
     first = sides[0]
     family = comparison_of_task(first.task)
@@ -42,7 +42,7 @@ def check_comparable(sides: Sequence[Evaluated], *, allow_truth_prompts: bool) -
             raise _different(first, other, differences)
 
 
-def _check_truth_prompts(side: Evaluated, *, allow: bool) -> None:
+def _check_truth_prompts(side: StoredEvaluation, *, allow: bool) -> None:
     if side.used_truth and not allow:
         raise IncomparableError(
             f"{side.name} was prompted with the ground truth of the images it is scored on",
@@ -52,7 +52,9 @@ def _check_truth_prompts(side: Evaluated, *, allow: bool) -> None:
         )
 
 
-def _different(first: Evaluated, other: Evaluated, differences: list[str]) -> IncomparableError:
+def _different(
+    first: StoredEvaluation, other: StoredEvaluation, differences: list[str]
+) -> IncomparableError:
     return IncomparableError(
         f"{first.name} and {other.name} cannot be compared",
         found="; ".join(differences),
@@ -61,9 +63,9 @@ def _different(first: Evaluated, other: Evaluated, differences: list[str]) -> In
     )
 
 
-def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
     """Differences in what must be equal for every task."""
-    facts: dict[str, Callable[[Evaluated], Any]] = {
+    facts: dict[str, Callable[[StoredEvaluation], Any]] = {
         "evaluator": lambda s: f"{s.summary.evaluator.name} {s.summary.evaluator.version}",
         "card": lambda s: _short(s.evidence.configuration.card_sha256),
         "truth": _truth_files,
@@ -80,14 +82,14 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
     return differences + _image_differences(first, other)
 
 
-def _truth_files(side: Evaluated) -> str:
+def _truth_files(side: StoredEvaluation) -> str:
     """Short hashes of the ground truth, in the order of its images."""
     entries = side.evidence.inputs
     hashes = [e.sha256 for e in entries if e.role in _TRUTH_ROLES]
     return _short(hashes[0]) if len(hashes) == 1 else "+".join(_short(h) for h in hashes)
 
 
-def _image_differences(first: Evaluated, other: Evaluated) -> list[str]:
+def _image_differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
     """Images that only one side has, or whose ground truth differs."""
     ours, theirs = ({(r.image_id, r.file_name) for r in s.rows} for s in (first, other))
     if ours != theirs:

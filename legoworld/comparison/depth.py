@@ -11,7 +11,7 @@ import numpy as np
 from legoworld.comparison.family import SideFacts
 from legoworld.comparison.pixels import Missing, PixelComparison, pixel_comparison
 from legoworld.evaluation.depth.family import PIXELS
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import as_json, to_record
 from legoworld.records.depth import ScoredDepthRow
 from legoworld.records.evaluation_summary import DepthRules
@@ -23,12 +23,12 @@ def _constant(rows: Sequence[ScoredDepthRow], name: str, policy: str) -> Mapping
     return {"constant": float(np.mean(np.array(values, np.float64))) if values else float("nan")}
 
 
-def _camera_model(side: Evaluated) -> str:
+def _camera_model(side: StoredEvaluation) -> str:
     """How a scene's depth was read: none or dataset."""
     return side.depth.protocol.camera_model
 
 
-def _facts(side: Evaluated, facts: SideFacts) -> SideFacts:
+def _facts(side: StoredEvaluation, facts: SideFacts) -> SideFacts:
     """The declared choices of depth; each method has its own camera model."""
     return replace(
         facts,
@@ -37,7 +37,7 @@ def _facts(side: Evaluated, facts: SideFacts) -> SideFacts:
     )
 
 
-def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
     """Cameras that make depths incomparable (docs/protocols/comparison.md)."""
     differences = []
     if first.is_scene and other.is_scene and _camera_model(first) != _camera_model(other):
@@ -49,11 +49,11 @@ def _differences(first: Evaluated, other: Evaluated) -> list[str]:
     return differences
 
 
-def _calibration(side: Evaluated) -> list[str]:
+def _calibration(side: StoredEvaluation) -> list[str]:
     return [e.sha256 for e in side.evidence.inputs if e.role == "calibration"]
 
 
-def _notes(sides: Sequence[Evaluated]) -> list[str]:
+def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
     models = {s.name: _camera_model(s) for s in sides}
     if set(models.values()) == {"none"}:
         return []

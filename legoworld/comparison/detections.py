@@ -39,7 +39,7 @@ from legoworld.evaluation.detection.ranking.resampling import (
     resampled_metrics,
 )
 from legoworld.evaluation.detection.ranking.ties import tie_orders
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images, Level
 from legoworld.records.evidence import ComparisonSettings
 
@@ -79,14 +79,16 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
     return metrics
 
 
-def frequencies_of_side(side: Evaluated, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
+def frequencies_of_side(
+    side: StoredEvaluation, category_ids: NDArray[np.int64]
+) -> NDArray[np.str_]:
     """(K,) LVIS's frequency letters; empty for categories without annotations and predictions."""
     letters = {row.category_id: row.frequency or "" for row in side.categories}
     return np.array([letters.get(int(i), "") for i in category_ids])
 
 
 def measure_detections(
-    side: Evaluated, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
+    side: StoredEvaluation, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
 ) -> Measures:
     """Every metric of `detection_metrics` over the kept images, from the recorded matches."""
     arrays = side.matches
@@ -107,7 +109,7 @@ def measure_detections(
     return measures
 
 
-def _ranks(side: Evaluated) -> bool:
+def _ranks(side: StoredEvaluation) -> bool:
     """Whether the predictions' own scores rank them."""
     return not side.detection.equal_confidence.already_equal
 
@@ -126,13 +128,13 @@ def _official(
         measures[metric.name] = Measure(
             value=np.nan if value == -1 else value,
             samples=samples[metric.name] if defined else None,
-            over=_over(table, metric, frequencies),
+            over=_count_denominators(table, metric, frequencies),
             extra={},
         )
     return measures
 
 
-def _over(
+def _count_denominators(
     table: MatchTable, metric: OfficialMetric, frequencies: NDArray[np.str_]
 ) -> dict[str, int]:
     counted = table.truths_per_category[AREA_NAMES.index(metric.area)]
@@ -179,7 +181,7 @@ def _score_free(counts: MatchedCounts, shared: Draws, *, spread: bool) -> Measur
     return measures
 
 
-def _notes(sides: Sequence[Evaluated]) -> list[str]:
+def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
     """Which sides rank their predictions."""
     ranked = [s.name for s in sides if _ranks(s)]
     unranked = [s.name for s in sides if not _ranks(s)]
@@ -192,13 +194,13 @@ def _notes(sides: Sequence[Evaluated]) -> list[str]:
     ]
 
 
-def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
     ours, theirs = first.detection.dataset_version, other.detection.dataset_version
     return [] if ours == theirs else [f"dataset version {ours} and {theirs}"]
 
 
 def _measurer(
-    _scene: Evaluated, _images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+    _scene: StoredEvaluation, _images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
 ) -> Measurer:
     draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
     return lambda side: measure_detections(side, detection_protocol(side.task), kept, draws)

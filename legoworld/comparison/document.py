@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.comparison.family import comparison_of_task
+from legoworld.comparison.image_pairs import pair_images
 from legoworld.comparison.measures import IntervalRule, Metric, comparison_row
-from legoworld.comparison.notes import notes_of
-from legoworld.comparison.pairing import pair_images
+from legoworld.comparison.notes import note_differences
 from legoworld.comparison.provenance import (
     provenance_by_field,
     provenance_notes,
     recorded_provenance,
 )
 from legoworld.evaluation.bootstrap import LEVEL
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import as_json, to_record
 from legoworld.records.comparison import (
     Comparison,
@@ -33,13 +33,13 @@ from legoworld.records.evaluation_summary import Coverage
 from legoworld.records.evidence import ComparisonSettings
 
 
-def metrics_of(task: str) -> list[Metric]:
+def list_metrics(task: str) -> list[Metric]:
     """Every metric of a comparison of a task, in display order."""
     return comparison_of_task(task).metrics(task)
 
 
 def compare(
-    sides: Sequence[Evaluated],
+    sides: Sequence[StoredEvaluation],
     settings: ComparisonSettings,
     notice: Callable[[str], None] = lambda _text: None,
 ) -> Comparison:
@@ -68,11 +68,11 @@ def compare(
         methods=tuple(_method(side, first=side is sides[0]) for side in sides),
         pairs=tuple(pairs),
         provenance=by_field,
-        notes=(*notes_of(sides), *made),
+        notes=(*note_differences(sides), *made),
     )
 
 
-def _method(side: Evaluated, *, first: bool) -> Method:
+def _method(side: StoredEvaluation, *, first: bool) -> Method:
     facts = comparison_of_task(side.task).facts(side)
     return Method(
         name=side.name,
@@ -92,7 +92,9 @@ def _method(side: Evaluated, *, first: bool) -> Method:
     )
 
 
-def _pair(scene: Evaluated, baseline: Evaluated, settings: ComparisonSettings, unit: str) -> Pair:
+def _pair(
+    scene: StoredEvaluation, baseline: StoredEvaluation, settings: ComparisonSettings, unit: str
+) -> Pair:
     pairing = pair_images(scene, baseline)
     ids = [row.image_id for row in scene.rows]
     return Pair(
@@ -107,13 +109,13 @@ def _pair(scene: Evaluated, baseline: Evaluated, settings: ComparisonSettings, u
         ),
         paired_image_ids=tuple(i for i, keep in zip(ids, pairing.kept, strict=True) if keep),
         dropped=pairing.dropped,
-        rows=tuple(_measured(scene, baseline, pairing.kept, settings, unit)),
+        rows=tuple(_measure_rows(scene, baseline, pairing.kept, settings, unit)),
     )
 
 
-def _measured(
-    scene: Evaluated,
-    baseline: Evaluated,
+def _measure_rows(
+    scene: StoredEvaluation,
+    baseline: StoredEvaluation,
     paired: NDArray[np.bool_],
     settings: ComparisonSettings,
     unit: str,
@@ -128,6 +130,6 @@ def _measured(
             continue
         measure = family.measurer(scene, images, kept, settings)
         ours, theirs = measure(scene), measure(baseline)
-        for metric in metrics_of(scene.task):
+        for metric in list_metrics(scene.task):
             if metric.id in ours:
                 yield comparison_row(metric, images, ours[metric.id], theirs[metric.id], rule)

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.comparison.measures import Measures, Metric
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images
 from legoworld.records.evaluation_summary import DepthRules
 from legoworld.records.evidence import ComparisonSettings
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 
 #: Measures one side over the images that were kept.
-Measurer = Callable[[Evaluated], Measures]
+Measurer = Callable[[StoredEvaluation], Measures]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +30,11 @@ class SideFacts:
     resampled: int | None = None
 
 
-def _every_image(side: Evaluated) -> NDArray[np.bool_]:
+def _every_image(side: StoredEvaluation) -> NDArray[np.bool_]:
     return np.ones(len(side.rows), bool)
 
 
-def _nothing(*_sides: object) -> list[str]:
+def _no_notes(*_sides: object) -> list[str]:
     return []
 
 
@@ -50,16 +50,16 @@ class ComparisonFamily:
     """
 
     metrics: Callable[[str], list[Metric]]
-    unit: Callable[[Evaluated], str]
-    measurer: Callable[[Evaluated, Images, NDArray[np.bool_], ComparisonSettings], Measurer]
+    unit: Callable[[StoredEvaluation], str]
+    measurer: Callable[[StoredEvaluation, Images, NDArray[np.bool_], ComparisonSettings], Measurer]
     images: tuple[Images, ...] = ("attempted", "paired")
-    unpaired: Callable[[Evaluated], NDArray[np.bool_]] = _every_image
+    unpaired: Callable[[StoredEvaluation], NDArray[np.bool_]] = _every_image
     centred: bool = False
-    facts: Callable[[Evaluated], SideFacts] = lambda _side: SideFacts()
-    differences: Callable[[Evaluated, Evaluated], list[str]] = _nothing
-    notes: Callable[[Sequence[Evaluated]], list[str]] = _nothing
+    facts: Callable[[StoredEvaluation], SideFacts] = lambda _side: SideFacts()
+    differences: Callable[[StoredEvaluation, StoredEvaluation], list[str]] = _no_notes
+    notes: Callable[[Sequence[StoredEvaluation]], list[str]] = _no_notes
 
 
 def comparison_of_task(task: str) -> ComparisonFamily:
     """The comparison of a task. UsageError, InstallationError."""
-    return family_of(task).load("comparison", ComparisonFamily)
+    return find_family(task).load("comparison", ComparisonFamily)

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from legoworld.comparison.tables import coverage_table, csv_table, headline_table
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError, cause
-from legoworld.evaluation.stored import READ, Evaluated
+from legoworld.evaluation.stored import READ, StoredEvaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file, write_text
 from legoworld.records.base import RecordError, as_json, readable, to_record
 from legoworld.records.comparison import (
@@ -20,7 +20,7 @@ from legoworld.records.comparison import (
     Comparison,
     JoinedComparison,
     Pair,
-    comparison_of,
+    decode_comparison,
 )
 from legoworld.records.evidence import (
     AnyEvidence,
@@ -30,9 +30,9 @@ from legoworld.records.evidence import (
     PairedNumbers,
     PairEvidence,
 )
-from legoworld.records.families import records_of
+from legoworld.records.families import load_record_family
 from legoworld.records.folders.evaluation_folder import input_file, installed_versions
-from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
+from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
 from legoworld.tables.files import FORMATS
 
 COMPARISON: Final = "comparison.json"
@@ -137,7 +137,7 @@ def read_document(folder: Path) -> Comparison | JoinedComparison:
 def read_comparison(path: Path) -> Comparison | JoinedComparison:
     """A comparison.json. ComparisonFolderError when it is damaged."""
     try:
-        return comparison_of(path.read_bytes())
+        return decode_comparison(path.read_bytes())
     except (OSError, RecordError) as error:
         raise ComparisonFolderError(
             f"{path.parent.name}/{path.name} cannot be read",
@@ -147,8 +147,8 @@ def read_comparison(path: Path) -> Comparison | JoinedComparison:
         ) from error
 
 
-def evidence_of(
-    folder: Path, sides: Sequence[Evaluated], settings: ComparisonSettings
+def initial_evidence(
+    folder: Path, sides: Sequence[StoredEvaluation], settings: ComparisonSettings
 ) -> ComparisonEvidence:
     """evidence.json before anything is computed: the evaluations and their raw numbers.
 
@@ -161,16 +161,16 @@ def evidence_of(
         "inputs": tuple(e for k, s in enumerate(sides) for e in _side_inputs(folder, s, k)),
         "files": {},
     }
-    records = records_of(sides[0].task)
+    records = load_record_family(sides[0].task)
     return records.comparison(**common, methods=_raw(sides, records.method))
 
 
 def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:
     """Per pair: the paired images, the reason for each dropped one, the paired numbers."""
-    return tuple(_paired(pair) for pair in document.pairs)
+    return tuple(_pair_evidence(pair) for pair in document.pairs)
 
 
-def _side_inputs(folder: Path, side: Evaluated, place: int) -> list[Input]:
+def _side_inputs(folder: Path, side: StoredEvaluation, place: int) -> list[Input]:
     """The files of an evaluation that a comparison reads; paths relative to the comparison."""
     paths = [(f"evaluation {place}", side.folder / name) for name in (EVIDENCE, *READ)]
     return [input_entry(folder, role, path) for role, path in paths if path.is_file()]
@@ -188,12 +188,12 @@ def input_entry(folder: Path, role: str, path: Path) -> Input:
     )
 
 
-def _raw(sides: Sequence[Evaluated], kind: type[T]) -> tuple[T, ...]:
+def _raw(sides: Sequence[StoredEvaluation], kind: type[T]) -> tuple[T, ...]:
     """Each side's own evidence: its evaluator's numbers, and the hashed files by role."""
     return tuple(to_record(kind, {**as_json(s.evidence), "name": s.name}) for s in sides)
 
 
-def _paired(pair: Pair) -> PairEvidence:
+def _pair_evidence(pair: Pair) -> PairEvidence:
     return PairEvidence(
         scene=pair.scene,
         baseline=pair.baseline,

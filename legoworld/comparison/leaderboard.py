@@ -15,11 +15,11 @@ from legoworld.comparison.sides import distinct_names
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.bootstrap import interval
 from legoworld.evaluation.reconstruction import means
-from legoworld.evaluation.stored import Evaluated, read_evaluation
+from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.files import sha256_of_file, write_text
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.base import readable
-from legoworld.records.folders.evaluation_reading import EVIDENCE
+from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.reconstruction_leaderboard import (
     Leaderboard,
     LeaderboardGroup,
@@ -37,7 +37,7 @@ _KINDS: Final = ("split", "environment", "theme", "tier")
 _SHOWN: Final = ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")
 
 
-def read_entries(evaluations: Sequence[Path]) -> list[Evaluated]:
+def read_entries(evaluations: Sequence[Path]) -> list[StoredEvaluation]:
     """Bench evaluations of one dataset, card and sampling. UsageError, IncomparableError."""
     sides = [read_evaluation(folder) for folder in evaluations]
     for side in sides:
@@ -54,14 +54,16 @@ def read_entries(evaluations: Sequence[Path]) -> list[Evaluated]:
     return named
 
 
-def case_scores(side: Evaluated) -> dict[str, tuple[float | None, float | None]]:
+def case_scores(side: StoredEvaluation) -> dict[str, tuple[float | None, float | None]]:
     """R and A of each case of a bench evaluation, by its file name; zeros where it is not valid."""
     return {row.file_name: (row.R, row.A) for row in side.reconstruction_rows}
 
 
-def leaderboard(sides: Sequence[Evaluated], *, draws: int = 10_000, seed: int = 0) -> Leaderboard:
+def leaderboard(
+    sides: Sequence[StoredEvaluation], *, draws: int = 10_000, seed: int = 0
+) -> Leaderboard:
     """One row for each agent and model, over as many runs as there are evaluations of it."""
-    by_maker: dict[tuple[str, str], list[Evaluated]] = {}
+    by_maker: dict[tuple[str, str], list[StoredEvaluation]] = {}
     for side in sides:
         by_maker.setdefault(_maker(side), []).append(side)
     rows = [_row(maker, runs, draws, seed) for maker, runs in by_maker.items()]
@@ -135,7 +137,7 @@ def _notes(board: Leaderboard) -> list[str]:
         every = row.groups[0].metrics["S"]
         if every.interval and every.interval.ends:
             low, high = (100 * end for end in every.interval.ends)
-            draws = counted(board.draws, "draw", "draws")
+            draws = plural(board.draws, "draw", "draws")
             notes.append(
                 f"{row.agent} {row.model}: S [{low:.1f}, {high:.1f}] (95 %, {draws} of families)."
             )
@@ -146,19 +148,21 @@ def _notes(board: Leaderboard) -> list[str]:
     return notes
 
 
-def _maker(side: Evaluated) -> tuple[str, str]:
+def _maker(side: StoredEvaluation) -> tuple[str, str]:
     """Agent and model that the run's scenes name; several are all named."""
-    found = [one.provenance for one in recorded_provenance(side)]
+    provenances = [one.provenance for one in recorded_provenance(side)]
 
     def said(field: str) -> str:
-        values = {str(p[field]) for p in found if isinstance(p, dict) and p.get(field) is not None}
+        values = {
+            str(p[field]) for p in provenances if isinstance(p, dict) and p.get(field) is not None
+        }
         return " + ".join(sorted(values)) or NOT_RECORDED
 
     return said("agent"), said("model")
 
 
 def _row(
-    maker: tuple[str, str], runs: Sequence[Evaluated], draws: int, seed: int
+    maker: tuple[str, str], runs: Sequence[StoredEvaluation], draws: int, seed: int
 ) -> LeaderboardRow:
     groups = [_group("all", "all", [run.reconstruction.metrics for run in runs], len(runs[0].rows))]
     groups[0] = _with_intervals(groups[0], runs, draws, seed)
@@ -194,7 +198,7 @@ def _group(kind: str, name: str, runs: Sequence[Means], cases: int) -> Leaderboa
 
 
 def _with_intervals(
-    group: LeaderboardGroup, runs: Sequence[Evaluated], draws: int, seed: int
+    group: LeaderboardGroup, runs: Sequence[StoredEvaluation], draws: int, seed: int
 ) -> LeaderboardGroup:
     """Intervals of the mean over runs: each family is drawn in all runs together."""
     shared = means.family_draws(runs[0].reconstruction_rows, draws, seed)
@@ -209,10 +213,10 @@ def _with_intervals(
         for run in runs:
             values = np.array([measure.value(row) for row in run.reconstruction_rows], np.float64)
             samples.append(means.family_means(values, run.reconstruction_rows, shared))
-        found = interval(np.mean(samples, axis=0), unit="family")
+        bounds = interval(np.mean(samples, axis=0), unit="family")
         old = metrics[measure.name]
         metrics[measure.name] = Repeated(
-            mean=old.mean, sd=old.sd, runs=old.runs, n=old.n, over=old.over, interval=found
+            mean=old.mean, sd=old.sd, runs=old.runs, n=old.n, over=old.over, interval=bounds
         )
     return LeaderboardGroup(kind=group.kind, name=group.name, cases=group.cases, metrics=metrics)
 
@@ -228,11 +232,11 @@ def _group_name(group: LeaderboardGroup) -> str:
     return group.name if group.kind == "all" else f"{group.kind} {group.name}"
 
 
-def _percent(found: Repeated) -> Cell:
-    mean = Number(value=None if found.mean is None else 100 * found.mean, digits=1)
-    return mean if found.sd is None else f"{mean} ({100 * found.sd:.1f})"
+def _percent(repeated: Repeated) -> Cell:
+    mean = Number(value=None if repeated.mean is None else 100 * repeated.mean, digits=1)
+    return mean if repeated.sd is None else f"{mean} ({100 * repeated.sd:.1f})"
 
 
-def _ends(found: Repeated) -> tuple[Number, Number]:
-    low, high = (found.interval.ends if found.interval else None) or (None, None)
+def _ends(repeated: Repeated) -> tuple[Number, Number]:
+    low, high = (repeated.interval.ends if repeated.interval else None) or (None, None)
     return Number(value=low), Number(value=high)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from legoworld.comparison.family import comparison_of_task
 from legoworld.errors import one_line
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import as_json
 
 
-def notes_of(sides: Sequence[Evaluated]) -> list[str]:
+def note_differences(sides: Sequence[StoredEvaluation]) -> list[str]:
     """Notes on every difference between the sides that does not make them incomparable."""
     notes = [f"Differences are {sides[0].name} minus the other method."]
     notes += [_truth_prompts(side) for side in sides if side.used_truth]
@@ -18,14 +18,14 @@ def notes_of(sides: Sequence[Evaluated]) -> list[str]:
     return [*notes, *_versions(sides)]
 
 
-def _truth_prompts(side: Evaluated) -> str:
+def _truth_prompts(side: StoredEvaluation) -> str:
     return (
         f"{side.name} was prompted with the truth of the images it is scored on: "
         f"{one_line(str(as_json(side.used_truth)), 160)}."
     )
 
 
-def _versions(sides: Sequence[Evaluated]) -> list[str]:
+def _versions(sides: Sequence[StoredEvaluation]) -> list[str]:
     """Different package versions: the 1e-12 agreement is checked within one version only."""
     versions = [s.evidence.versions for s in sides]
     names = sorted({name for packages in versions for name in packages})

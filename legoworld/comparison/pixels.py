@@ -20,8 +20,8 @@ from legoworld.comparison.measures import (
 )
 from legoworld.evaluation.pixels.family import PixelFamily, metric_policies
 from legoworld.evaluation.pixels.summary import group_columns, group_draws, mean_samples, unit_of
-from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted
+from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.comparison import Images, Level
 from legoworld.records.evidence import ComparisonSettings
 from legoworld.records.pixels import PixelRow, PixelSummary
@@ -46,9 +46,9 @@ class PixelComparison:
     family: PixelFamily
     missing: Missing
     extra: Callable[[Sequence[Any], str, str], Mapping[str, float]]
-    facts: Callable[[Evaluated, SideFacts], SideFacts]
-    differences: Callable[[Evaluated, Evaluated], list[str]]
-    notes: Callable[[Sequence[Evaluated]], list[str]]
+    facts: Callable[[StoredEvaluation, SideFacts], SideFacts]
+    differences: Callable[[StoredEvaluation, StoredEvaluation], list[str]]
+    notes: Callable[[Sequence[StoredEvaluation]], list[str]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,10 @@ def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
     """The comparison of a family."""
 
     def measurer(
-        scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+        scene: StoredEvaluation,
+        images: Images,
+        kept: NDArray[np.bool_],
+        settings: ComparisonSettings,
     ) -> Measurer:
         drawn = [row for row, keep in zip(_rows(scene), kept, strict=True) if keep]
         groups = shared_group_draws(drawn, settings.draws, settings.seed)
@@ -111,7 +114,7 @@ def shared_group_draws(rows: Sequence[PixelRow], draws: int, seed: int) -> Group
 
 def measure_pixels(
     compared: PixelComparison,
-    side: Evaluated,
+    side: StoredEvaluation,
     images: Images,
     kept: NDArray[np.bool_],
     shared: GroupDraws,
@@ -165,22 +168,24 @@ def _mean(
     return Measure(value=value, samples=samples, over=over, extra=extra)
 
 
-def _rows(side: Evaluated) -> list[PixelRow]:
+def _rows(side: StoredEvaluation) -> list[PixelRow]:
     return cast("list[PixelRow]", list(side.rows))
 
 
-def _facts(side: Evaluated) -> SideFacts:
+def _facts(side: StoredEvaluation) -> SideFacts:
     resampled = cast("PixelSummary", side.summary).resampled
     return SideFacts(max_side=_max_side(side), resampled=resampled)
 
 
-def _max_side(side: Evaluated) -> int | None:
+def _max_side(side: StoredEvaluation) -> int | None:
     """What a scene was read out at, where that is smaller than the photos."""
     asked = side.run.configuration.max_side
     return asked if asked and cast("PixelSummary", side.summary).resampled else None
 
 
-def _size_differences(first: Evaluated, other: Evaluated, family: PixelFamily) -> list[str]:
+def _size_differences(
+    first: StoredEvaluation, other: StoredEvaluation, family: PixelFamily
+) -> list[str]:
     """A scene read out below the photos' size cannot be compared with anything of full size."""
     if first.is_scene and other.is_scene:
         if _max_side(first) != _max_side(other):
@@ -191,16 +196,16 @@ def _size_differences(first: Evaluated, other: Evaluated, family: PixelFamily) -
             continue
         full = [row for row in _rows(baseline) if row.has_score and not row.resampled]
         if full:
-            images = counted(len(full), "image", "images")
+            images = plural(len(full), "image", "images")
             return [f"{family.noun} {_size(scene)} and {images} of full size"]
     return []
 
 
-def _size(side: Evaluated) -> str:
+def _size(side: StoredEvaluation) -> str:
     return "of full size" if _max_side(side) is None else f"resampled from {_max_side(side)} px"
 
 
-def _notes(sides: Sequence[Evaluated], compared: PixelComparison) -> list[str]:
+def _notes(sides: Sequence[StoredEvaluation], compared: PixelComparison) -> list[str]:
     return [
         "Images scored: each method over its own, so their differences are of other images.",
         *compared.notes(sides),

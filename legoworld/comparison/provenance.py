@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.files import Json, canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import ByField, MadeBy
@@ -27,7 +27,7 @@ FIELDS: Final = (
 )
 
 
-def recorded_provenance(side: Evaluated) -> list[MadeBy]:
+def recorded_provenance(side: StoredEvaluation) -> list[MadeBy]:
     """Each distinct provenance of a run with the number of its scenes, most frequent first.
 
     A baseline has one provenance for all its images. Images without a scene have none.
@@ -42,7 +42,7 @@ def recorded_provenance(side: Evaluated) -> list[MadeBy]:
     return [MadeBy(provenance=json.loads(text), images=n) for text, n in ordered]
 
 
-def provenance_by_field(sides: Sequence[Evaluated]) -> ByField:
+def provenance_by_field(sides: Sequence[StoredEvaluation]) -> ByField:
     """Provenance of scenes for all fields recorded anywhere; baselines have their own."""
     by_method = {side.name: recorded_provenance(side) for side in sides if side.is_scene}
     by_field = {}
@@ -73,11 +73,11 @@ def provenance_notes(by_field: ByField) -> list[str]:
 def _values(groups: Sequence[MadeBy], field: str) -> dict[str, int]:
     counts: Counter[str] = Counter()
     for group in groups:
-        counts[_shown(group.provenance, field)] += group.images
+        counts[_format_field(group.provenance, field)] += group.images
     return dict(sorted(counts.items()))
 
 
-def _shown(provenance: Json, field: str) -> str:
+def _format_field(provenance: Json, field: str) -> str:
     if not isinstance(provenance, dict):
         return NOT_RECORDED if provenance == NOT_RECORDED else "unreadable"
     if field not in provenance:

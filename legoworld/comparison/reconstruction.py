@@ -12,7 +12,7 @@ from legoworld.comparison.family import ComparisonFamily, Measurer
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, Measure, Measures, Metric
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images, Level
 from legoworld.records.evidence import ComparisonSettings
 from legoworld.records.reconstruction_rows import ReconstructionRow
@@ -30,13 +30,15 @@ def bench_metrics() -> list[Metric]:
     return found
 
 
-def family_draws(side: Evaluated, kept: NDArray[np.bool_], draws: int, seed: int) -> means.Draws:
+def family_draws(
+    side: StoredEvaluation, kept: NDArray[np.bool_], draws: int, seed: int
+) -> means.Draws:
     """Draws over the families of the kept cases, shared by both sides."""
     return means.family_draws(_kept(side, kept), draws, seed)
 
 
 def measure_bench(
-    side: Evaluated, images: Images, kept: NDArray[np.bool_], shared: means.Draws
+    side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: means.Draws
 ) -> Measures:
     """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out."""
     rows = _kept(side, kept)
@@ -66,11 +68,11 @@ def _mean(
     return Measure(value=float(np.mean(numbers)), samples=samples, over=over, extra={})
 
 
-def _kept(side: Evaluated, kept: NDArray[np.bool_]) -> list[ReconstructionRow]:
+def _kept(side: StoredEvaluation, kept: NDArray[np.bool_]) -> list[ReconstructionRow]:
     return [row for row, keep in zip(side.reconstruction_rows, kept, strict=True) if keep]
 
 
-def _notes(sides: Sequence[Evaluated]) -> list[str]:
+def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
     """What A's noise and unequal attempts mean for a difference."""
     notes = ["Attempted: a submission that is not valid counts 0. Paired: valid on both sides."]
     for side in sides:
@@ -83,13 +85,13 @@ def _notes(sides: Sequence[Evaluated]) -> list[str]:
     return notes
 
 
-def _differences(first: Evaluated, other: Evaluated) -> list[str]:
+def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
     ours, theirs = (side.reconstruction.protocol.reference_sampling for side in (first, other))
     return [] if ours == theirs else [f"reference sampling {ours} and {theirs}"]
 
 
 def _measurer(
-    scene: Evaluated, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+    scene: StoredEvaluation, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
 ) -> Measurer:
     families = family_draws(scene, kept, settings.draws, settings.seed)
     return lambda side: measure_bench(side, images, kept, families)

@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.stored import Evaluated, read_evaluation
+from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 
 
 def read_sides(
     folders: Sequence[Path], *, names: Sequence[str] | None = None
-) -> tuple[Evaluated, ...]:
+) -> tuple[StoredEvaluation, ...]:
     """The evaluations in their given order, the scene's first, under distinct names.
 
     names: the names to use; by default each evaluation's recorded name, or its folder's name.

@@ -37,7 +37,7 @@ _CSV_SIDE: Final = ("value", "low", "high")
 _NAME_WIDTH: Final = 18
 
 
-def comparisons_of(document: Document) -> tuple[Comparison, ...]:
+def list_comparisons(document: Document) -> tuple[Comparison, ...]:
     """The comparisons in a document: itself, or the joined ones."""
     return (document,) if isinstance(document, Comparison) else document.comparisons
 
@@ -102,7 +102,7 @@ def cut(name: str) -> str:
 
 
 def _pairs(document: Document) -> list[tuple[str, Pair]]:
-    return [(one.task, pair) for one in comparisons_of(document) for pair in one.pairs]
+    return [(one.task, pair) for one in list_comparisons(document) for pair in one.pairs]
 
 
 def _shown(document: Document, pair: Pair) -> list[ComparisonRow]:
@@ -138,7 +138,7 @@ def csv_table(document: Document) -> Table:
     """Every row of every comparison, unrounded; an undefined number is an empty cell."""
     of_bench = any(
         _OF_BENCH in row.scene.over
-        for one in comparisons_of(document)
+        for one in list_comparisons(document)
         for pair in one.pairs
         for row in pair.rows
     )
@@ -150,7 +150,7 @@ def csv_table(document: Document) -> Table:
             header += [f"{side}_over_{name.replace(' ', '_')}" for name in over]
     header += ["interval_level", "interval_unit", "draws"]
     rows: list[list[Cell]] = []
-    for one in comparisons_of(document):
+    for one in list_comparisons(document):
         for pair in one.pairs:
             for row in pair.rows:
                 cells: list[Cell] = [one.task, *(getattr(row, k) for k in header[1:6])]
@@ -191,7 +191,7 @@ def _denominators(row: ComparisonRow) -> list[str]:
 def notes_of(document: Document) -> list[str]:
     """What the numbers were drawn and computed by, and the comparison's own notes."""
     notes = []
-    for one in comparisons_of(document):
+    for one in list_comparisons(document):
         drawn, evaluator = one.bootstrap, one.evaluator
         notes.append(
             f"{one.task}: {evaluator.name} {evaluator.version}; "

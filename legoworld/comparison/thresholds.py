@@ -27,7 +27,7 @@ class Threshold:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tripped:
+class FailedThreshold:
     """A threshold that is not met. gain: None where undefined, which never passes."""
 
     threshold: Threshold
@@ -82,7 +82,9 @@ def thresholds_by_task(texts: Sequence[str], tasks: Sequence[str]) -> dict[str, 
     }
 
 
-def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripped]:
+def find_failed_thresholds(
+    document: Comparison, thresholds: Sequence[Threshold]
+) -> list[FailedThreshold]:
     """The thresholds that are not met, against every baseline of a comparison."""
     failed = []
     for threshold in thresholds:
@@ -92,7 +94,9 @@ def tripped(document: Comparison, thresholds: Sequence[Threshold]) -> list[Tripp
             if gain is None or gain < threshold.least_gain:
                 images = "paired" if row is None else row.images
                 failed.append(
-                    Tripped(threshold=threshold, baseline=pair.baseline, images=images, gain=gain)
+                    FailedThreshold(
+                        threshold=threshold, baseline=pair.baseline, images=images, gain=gain
+                    )
                 )
     return failed
 

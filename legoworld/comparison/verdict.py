@@ -18,7 +18,7 @@ _NAMES: Final = {
 }
 
 
-def standing(row: ComparisonRow) -> Standing:
+def classify_difference(row: ComparisonRow) -> Standing:
     """Which side the interval of the difference is on."""
     ends = row.difference.ends
     if row.difference.value is None or ends is None:
@@ -43,7 +43,7 @@ def verdict_sentence(task: str, pair: Pair) -> str:
     return (
         f"{noun(task, pair.scene)}: {_NAMES.get(row.metric, row.metric)} {spelt(row.scene)} "
         f"against {pair.baseline} {spelt(row.baseline)}; difference "
-        f"{spelt(row.difference, signed=True)}, {images} paired: {_WORDS[standing(row)]}"
+        f"{spelt(row.difference, signed=True)}, {images} paired: {_WORDS[classify_difference(row)]}"
     )
 
 

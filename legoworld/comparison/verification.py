@@ -12,20 +12,20 @@ from legoworld.comparison.document import compare
 from legoworld.comparison.folder import (
     COMPARISON,
     KINDS,
-    evidence_of,
+    initial_evidence,
     paired_evidence,
     read_comparison,
     read_document,
     rendered_tables,
 )
-from legoworld.comparison.joining import join
+from legoworld.comparison.joined_comparison import join_comparisons
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.tables import Document
 from legoworld.evaluation.checks import (
     Check,
     check_files,
     check_inputs,
-    located,
+    find_input,
     until_damage,
 )
 from legoworld.evaluation.detection.scoring import AGREEMENT
@@ -33,7 +33,7 @@ from legoworld.files import Json
 from legoworld.records.base import Record, as_json, to_record
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence, ComparisonSettings
-from legoworld.records.folders.evaluation_reading import EVIDENCE, read_evidence
+from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
 
 
 def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
@@ -52,13 +52,13 @@ def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
 def _made_again(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     document = read_document(folder)
     if isinstance(document, JoinedComparison):
-        yield from until_damage(_joined(folder, evidence, root))
+        yield from until_damage(_check_joined(folder, evidence, root))
     else:
-        yield from until_damage(_compared(folder, evidence, document, root))
+        yield from until_damage(_check_comparison(folder, evidence, document, root))
     yield from _tables(folder, document)
 
 
-def _compared(
+def _check_comparison(
     folder: Path, evidence: AnyEvidence, document: Comparison, root: Path | None
 ) -> Iterator[Check]:
     """Checks of the document against one recomputed from the evaluations."""
@@ -68,15 +68,15 @@ def _compared(
     again = compare(sides, settings)
     recorded = _json(folder / EVIDENCE)
     yield _agrees("numbers from the evaluations", again, _json(folder / COMPARISON))
-    raw = evidence_of(folder, sides, settings).methods
+    raw = initial_evidence(folder, sides, settings).methods
     yield _agrees("raw numbers of the evaluations", raw, recorded["methods"])
     yield _agrees("paired images and numbers", paired_evidence(again), recorded["pairs"])
 
 
-def _joined(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
+def _check_joined(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     """Checks of the document against one recomputed from the joined comparisons."""
     paths = _inputs_named(folder, evidence, COMPARISON, root)
-    again = join([read_comparison(path) for path in paths])
+    again = join_comparisons([read_comparison(path) for path in paths])
     yield _agrees("numbers from the comparisons", again, _json(folder / COMPARISON))
 
 
@@ -88,7 +88,7 @@ def _json(path: Path) -> Any:
 def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | None) -> list[Path]:
     """The locations of the inputs with this file name, in recorded order."""
     entries = [e.path for e in evidence.inputs if Path(e.path).name == name]
-    paths = [located(folder, path, root) for path in entries]
+    paths = [find_input(folder, path, root) for path in entries]
     return [path for path in paths if path is not None]
 
 

@@ -93,13 +93,13 @@ class LiveBlender:
         return self._sandbox.scratch
 
     @staticmethod
-    def left(name: str) -> str:
+    def output_name(name: str) -> str:
         """The name below `files` of a file that Blender leaves for the endpoint."""
         return f"output/{name}"
 
-    def seen(self, name: str) -> str:
+    def path_inside(self, name: str) -> str:
         """The same file as Blender sees it."""
-        return str(self._sandbox.seen("output") / name)
+        return str(self._sandbox.path_inside("output") / name)
 
     def ask(self, kind: str, params: Mapping[str, Json], time_s: float) -> BlenderReply:
         """Blender's reply. BlenderEndedError if there is none; this Blender has then ended."""
@@ -111,7 +111,7 @@ class LiveBlender:
             self._line.sendall(_LENGTH.pack(len(data)) + data)
             return self._reply(time.monotonic() + time_s + _GRACE_S)
         except (OSError, RecordError) as error:
-            raise self._over(error, time_s) from error
+            raise self._end_and_explain(error, time_s) from error
 
     def close(self) -> None:
         """End Blender with everything it started."""
@@ -134,30 +134,30 @@ class LiveBlender:
                 "become": str(workspace / BLEND) if foreign else None,
             }
         )
-        with _listening(self._sandbox.scratch) as listener:
+        with _open_socket(self._sandbox.scratch) as listener:
             self._sandbox.start(
                 [
                     *(sys.executable, "-u", "-m", "legoworld.scene.blender.endpoint"),
-                    *(str(self._sandbox.seen(_CHANNEL)), order),
+                    *(str(self._sandbox.path_inside(_CHANNEL)), order),
                 ],
                 [*shown, *([opened] if opened and foreign else [])],
             )
             self._watch = threading.Thread(target=self._wait_for_end, daemon=True)
             self._watch.start()
-            self._line = self._accepted(listener)
+            self._line = self._accept_connection(listener)
         try:
             self._line.settimeout(_START_WITHIN_S)
             self._reply(time.monotonic() + _START_WITHIN_S)
         except (OSError, RecordError) as error:
-            raise self._over(error, _START_WITHIN_S) from error
+            raise self._end_and_explain(error, _START_WITHIN_S) from error
 
-    def _accepted(self, listener: socket.socket) -> socket.socket:
+    def _accept_connection(self, listener: socket.socket) -> socket.socket:
         deadline = time.monotonic() + _START_WITHIN_S
         with selectors.DefaultSelector() as selector:
             selector.register(listener, selectors.EVENT_READ)
             while not selector.select(0.05):
                 if self._ending is not None or time.monotonic() > deadline:
-                    raise self._over(TimeoutError(), _START_WITHIN_S)
+                    raise self._end_and_explain(TimeoutError(), _START_WITHIN_S)
         return listener.accept()[0]
 
     def _wait_for_end(self) -> None:
@@ -180,7 +180,7 @@ class LiveBlender:
             data += part
         return bytes(data)
 
-    def _over(self, error: Exception, time_s: float) -> BlenderEndedError:
+    def _end_and_explain(self, error: Exception, time_s: float) -> BlenderEndedError:
         """End this Blender and explain why there is no reply."""
         if isinstance(error, TimeoutError) and self._ending is None:
             self.close()
@@ -214,7 +214,7 @@ def _over_limit(limit: Limit, limits: SandboxLimits) -> str:
 
 
 @contextlib.contextmanager
-def _listening(folder: Path) -> Iterator[socket.socket]:
+def _open_socket(folder: Path) -> Iterator[socket.socket]:
     """A socket in a folder, whatever the length of its path."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

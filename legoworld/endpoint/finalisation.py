@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
-from legoworld.endpoint.session import placed
+from legoworld.endpoint.session import copy_into_workspace
 from legoworld.endpoint.trial_record import LARGEST_FILE, TrialRecord
 from legoworld.errors import LegoWorldError, SceneInvalidError, one_line
 from legoworld.records.agents import Finalisation
@@ -81,7 +81,7 @@ def export_submission(
     BlenderEndedError or SceneInvalidError where it cannot be opened or saved.
     """
     warnings = _export(blend, made, workspace, place, limits, held)
-    return [*warnings, *_checked(made), *final_picture(blender, made)]
+    return [*warnings, *_check_files(made), *final_picture(blender, made)]
 
 
 def _candidates(record: TrialRecord) -> Sequence[Checkpoint]:
@@ -107,15 +107,17 @@ def _export(
     allowed = SandboxLimits(time_s=_WITHIN_S, memory_bytes=limits.memory_bytes, disk_bytes=room)
     with scratch_folder(".finalising-", made) as scratch:
         # Relative paths of the scene are the workspace's: it is opened from there.
-        opened = placed(blend, workspace, PurePath(place, ".finalised.blend"))
+        opened = copy_into_workspace(blend, workspace, PurePath(place, ".finalised.blend"))
         try:
             with LiveBlender(workspace, allowed, held, blend=opened) as live:
-                reply = live.ask("finalise", {"output": live.seen("")}, _WITHIN_S / 2)
+                reply = live.ask("finalise", {"output": live.path_inside("")}, _WITHIN_S / 2)
                 if reply.error is not None:
                     raise _not_exported(reply.error)
                 with Beneath(live.files) as inside:
                     for name in (BLEND, GLB):
-                        inside.copy_out(live.left(name), scratch / name, most_bytes=LARGEST_FILE)
+                        inside.copy_out(
+                            live.output_name(name), scratch / name, most_bytes=LARGEST_FILE
+                        )
         except RefusedFileError as error:
             raise _not_exported(str(error)) from error
         finally:
@@ -130,7 +132,7 @@ def _export(
     return [one_line(str(word), 200) for word in said["warnings"]] if said else []
 
 
-def _checked(made: Path) -> list[str]:
+def _check_files(made: Path) -> list[str]:
     glb = made / GLB
     if not glb.is_file():
         return []

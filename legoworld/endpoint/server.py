@@ -8,8 +8,8 @@ import threading
 import traceback
 from typing import Final, Self
 
-from legoworld.endpoint.framing import FramingError, MessageSplitter
 from legoworld.endpoint.listener import Listener
+from legoworld.endpoint.message_frames import FramingError, MessageSplitter
 from legoworld.endpoint.session import Session
 from legoworld.errors import Raised, one_line
 from legoworld.records.base import RecordError, canonical, decode
@@ -36,7 +36,7 @@ class EndpointServer:
         self._by: Caller = by
         self._clients: set[socket.socket] = set()
         self._owning = threading.Lock()
-        self._listener = Listener(port, self._accepted)
+        self._listener = Listener(port, self._admit_client)
         self.port: int = self._listener.port
 
     def __enter__(self) -> Self:
@@ -54,7 +54,7 @@ class EndpointServer:
                     client.shutdown(socket.SHUT_RDWR)
         self._listener.join()
 
-    def _accepted(self, client: socket.socket) -> None:
+    def _admit_client(self, client: socket.socket) -> None:
         with self._owning:
             room = len(self._clients) < MOST_CLIENTS
             if room:
@@ -66,10 +66,10 @@ class EndpointServer:
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             threading.Thread(target=self._serve, args=(client,), daemon=True).start()
         except BaseException:
-            self._left(client)
+            self._drop_client(client)
             raise
 
-    def _left(self, client: socket.socket) -> None:
+    def _drop_client(self, client: socket.socket) -> None:
         with self._owning:
             self._clients.discard(client)
         client.close()
@@ -79,24 +79,26 @@ class EndpointServer:
         try:
             while data := client.recv(1 << 16):
                 for message in splitter.feed(data):
-                    client.sendall(_framed(self._answer(message), splitter))
+                    client.sendall(_frame_answer(self._answer(message), splitter))
         except FramingError as error:  # the start of the next message is unknown
             with contextlib.suppress(OSError):
-                client.sendall(_framed(_encoded(Failure(message=str(error))), splitter))
+                client.sendall(_frame_answer(_encode_answer(Failure(message=str(error))), splitter))
         except OSError:
             pass  # the client is gone
         finally:
-            self._left(client)
+            self._drop_client(client)
 
     def _answer(self, message: bytes) -> bytes:
         try:
-            return _encoded(self._answered(message))
+            return _encode_answer(self._answer_message(message))
         except Exception as error:  # noqa: BLE001  a mistake of ours is an answer, too
             traceback.print_exc()
             said = one_line(f"{type(error).__name__}: {error}")
-            return _encoded(Failure(message=f"internal error, not caused by the command: {said}"))
+            return _encode_answer(
+                Failure(message=f"internal error, not caused by the command: {said}")
+            )
 
-    def _answered(self, message: bytes) -> Answer:
+    def _answer_message(self, message: bytes) -> Answer:
         try:
             command = decode(Command, message)
         except RecordError as error:
@@ -104,11 +106,11 @@ class EndpointServer:
         return self._session.answer(command, self._by)
 
 
-def _encoded(answer: Answer) -> bytes:
+def _encode_answer(answer: Answer) -> bytes:
     return canonical(answer).encode("utf-8", "backslashreplace")
 
 
-def _framed(data: bytes, splitter: MessageSplitter) -> bytes:
+def _frame_answer(data: bytes, splitter: MessageSplitter) -> bytes:
     return data + b"\n" if splitter.newlines else data
 
 
@@ -118,4 +120,6 @@ def _refuse(client: socket.socket) -> None:
         client.settimeout(_REFUSED_WITHIN_S)
         with contextlib.suppress(TimeoutError):
             client.recv(1 << 16)
-        client.sendall(_encoded(Failure(message=f"{MOST_CLIENTS} clients are connected already")))
+        client.sendall(
+            _encode_answer(Failure(message=f"{MOST_CLIENTS} clients are connected already"))
+        )

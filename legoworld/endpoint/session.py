@@ -118,7 +118,7 @@ class Session:
             if self._left_s() <= 0:
                 over = f"the trial's {self._trial.limits.time_s:g} s are over"
                 return Failure(message=f"{over}; no further call is possible")
-            return self._answered(command, by)
+            return self._answer_command(command, by)
 
     def keep_last_save(self) -> None:
         """Keep what the agent saved in the workspace after its last call, by other means."""
@@ -131,15 +131,15 @@ class Session:
         if live is not None:
             live.close()
 
-    def _answered(self, command: Command, by: Caller) -> Answer:
+    def _answer_command(self, command: Command, by: Caller) -> Answer:
         number, at_s = len(self._record.calls) + 1, self._at_s()
         params = command.params or {}
         seconds, left = 0.0, None
         status: Literal["success", "error", "crashed", "timeout"] = "error"
         try:
-            reply = self._asked(command.type, params)
+            reply = self._ask_blender(command.type, params)
             seconds = reply.seconds
-            answer = _answer_of(reply)
+            answer = _make_answer(reply)
             if isinstance(answer, Success):
                 status = "success"
             elif reply.stopped:
@@ -149,7 +149,7 @@ class Session:
         except BlenderEndedError as error:
             self._live = None
             status = "timeout" if error.limit == "time" else "crashed"
-            answer = Failure(message=self._ended(error))
+            answer = Failure(message=self._describe_end(error))
             seconds = self._at_s() - at_s
         except (LegoWorldError, OSError) as error:
             answer = Failure(message=str(error))
@@ -162,14 +162,14 @@ class Session:
                 at_s=round(at_s, 4),
                 seconds=round(seconds, 6),
                 status=status,
-                said=one_line(_said(answer), 400),
+                said=one_line(_answer_text(answer), 400),
                 checkpoint=None if left is None else left.ordinal,
                 by=by,
             )
         )
         return answer
 
-    def _asked(self, kind: str, params: Mapping[str, Json]) -> BlenderReply:
+    def _ask_blender(self, kind: str, params: Mapping[str, Json]) -> BlenderReply:
         limit = min(self._trial.call_time_s, max(self._left_s(), 0.1))
         self._blender()
         if self._passed_over:
@@ -191,24 +191,24 @@ class Session:
         """Render inside, and put the picture where the client will look for it."""
         wanted = str(params.get("filepath") or "")
         live = self._blender()
-        inside = {**params, "filepath": live.seen(_PICTURE)}
+        inside = {**params, "filepath": live.path_inside(_PICTURE)}
         reply = live.ask("get_viewport_screenshot", inside, limit)
         if isinstance(reply.result, dict) and reply.result.get("success"):
             with Beneath(live.files) as files:
-                picture = files.read(live.left(_PICTURE), most_bytes=MOST_BYTES)
+                picture = files.read(live.output_name(_PICTURE), most_bytes=MOST_BYTES)
             deliver_picture(picture, wanted, self._trial.workspace)
             reply.result["filepath"] = wanted
         return reply
 
     def _blender(self) -> LiveBlender:
         if self._live is None:
-            self._live = self._started()
-            if (found := self._saved_copy()) is not None:
-                found[0].unlink()
-                self._live_sha256 = found[1]
+            self._live = self._start_blender()
+            if (copy := self._saved_copy()) is not None:
+                copy[0].unlink()
+                self._live_sha256 = copy[1]
         return self._live
 
-    def _started(self) -> LiveBlender:
+    def _start_blender(self) -> LiveBlender:
         """A new Blender with the last live checkpoint that opens; as it began where none does.
 
         A skipped checkpoint is reported with the next answer.
@@ -217,32 +217,32 @@ class Session:
         first: BlenderEndedError | None = None
         for last in (*reversed(live.values()), None):
             try:
-                started = self._opened(last)
+                started = self._open_checkpoint(last)
             except BlenderEndedError as error:
                 first = first or error
                 if last is None or error.limit == "time":
                     raise first from error
                 continue
             if first is not None:
-                found = "as it began" if last is None else f"as call {last.call} left it"
-                self._passed_over = f"the scene does not open any more ({first}); it is {found}"
+                state = "as it began" if last is None else f"as call {last.call} left it"
+                self._passed_over = f"the scene does not open any more ({first}); it is {state}"
             return started
         raise AssertionError  # the last one is returned or raised
 
-    def _opened(self, last: Checkpoint | None) -> LiveBlender:
+    def _open_checkpoint(self, last: Checkpoint | None) -> LiveBlender:
         limits = self._trial.limits
         return LiveBlender(
             self._trial.workspace,
             replace(limits, time_s=max(self._left_s(), 0.1)),
             self._trial.held,
-            blend=self._trial.blend if last is None else self._recovered(last),
+            blend=self._trial.blend if last is None else self._copy_for_recovery(last),
             inputs=self._trial.inputs,
             lease=self._trial.lease,
         )
 
-    def _recovered(self, last: Checkpoint) -> Path:
+    def _copy_for_recovery(self, last: Checkpoint) -> Path:
         """A checkpoint in the workspace: what the agent saves next must not go into the store."""
-        return placed(self._record.blend(last), self._trial.workspace, _RECOVERED)
+        return copy_into_workspace(self._record.blend(last), self._trial.workspace, _RECOVERED)
 
     def _checkpoint(self, call: int, *, keep: bool) -> Checkpoint | None:
         """Keep the open scene, and what the agent has saved, where they changed.
@@ -251,8 +251,8 @@ class Session:
         Blender marks what it looked at: the scene after it is the one before.
         """
         left = None
-        if (found := self._saved_copy()) is not None:
-            copy, sha256 = found
+        if (saved := self._saved_copy()) is not None:
+            copy, sha256 = saved
             if keep and sha256 != self._live_sha256:
                 at_s = self._at_s()
                 left = self._record.take(copy, sha256, kind="live", call=call, at_s=at_s)
@@ -264,9 +264,13 @@ class Session:
     def _saved_copy(self) -> tuple[Path, str] | None:
         """A copy of the open scene beside the store and its hash; None where it cannot be saved."""
         live = self._blender()
-        reply = live.ask("save_copy", {"output": live.seen(_COPY)}, _SAVE_WITHIN_S)
+        reply = live.ask("save_copy", {"output": live.path_inside(_COPY)}, _SAVE_WITHIN_S)
         try:
-            return None if reply.error else self._record.incoming(live.files, live.left(_COPY))
+            return (
+                None
+                if reply.error
+                else self._record.copy_incoming(live.files, live.output_name(_COPY))
+            )
         except RefusedFileError:
             return None
 
@@ -286,7 +290,7 @@ class Session:
             return None
         return status and (status.st_ino, status.st_size, status.st_mtime_ns)
 
-    def _ended(self, error: BlenderEndedError) -> str:
+    def _describe_end(self, error: BlenderEndedError) -> str:
         if self._left_s() <= 0:
             return f"{error}; no further call is possible"
         last = self._record.last("live")
@@ -300,7 +304,7 @@ class Session:
         return self._trial.limits.time_s - self._at_s()
 
 
-def placed(blend: Path, workspace: Path, name: PurePath) -> Path:
+def copy_into_workspace(blend: Path, workspace: Path, name: PurePath) -> Path:
     """Copy a .blend into a workspace; under another name if a folder has this name."""
     with Beneath(workspace.resolve()) as inside:
         there = inside.status(name)
@@ -325,11 +329,11 @@ def _without_blender(command: Command) -> Answer | None:
     return None
 
 
-def _answer_of(reply: BlenderReply) -> Answer:
+def _make_answer(reply: BlenderReply) -> Answer:
     return Success(result=reply.result) if reply.error is None else Failure(message=reply.error)
 
 
-def _said(answer: Answer) -> str:
+def _answer_text(answer: Answer) -> str:
     if isinstance(answer, Failure):
         return answer.message
     result = answer.result

@@ -70,18 +70,18 @@ class TrialRecord:
         """
         self.spoilt = ""
         try:
-            found, last = self.incoming(workspace.resolve(), BLEND), self.last("saved")
+            copy, last = self.copy_incoming(workspace.resolve(), BLEND), self.last("saved")
         except RefusedFileError as error:
             self.spoilt = f"saved by call {call}: {error.found}"
             return None
-        if found is None:
+        if copy is None:
             return None
-        if last is not None and last.sha256 == found[1]:
-            found[0].unlink()
+        if last is not None and last.sha256 == copy[1]:
+            copy[0].unlink()
             return None
-        return self.take(*found, kind="saved", call=call, at_s=at_s)
+        return self.take(*copy, kind="saved", call=call, at_s=at_s)
 
-    def incoming(self, folder: Path, name: str) -> tuple[Path, str] | None:
+    def copy_incoming(self, folder: Path, name: str) -> tuple[Path, str] | None:
         """A copy beside the store of a .blend that a program left below `folder`, and its sha256.
 
         For `take`, or to unlink; None where there is none. RefusedFileError for anything else.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld.endpoint.finalisation import finalise
-from legoworld.endpoint.serving import record_of
+from legoworld.endpoint.serve import record_path
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import UsageError
 from legoworld.records.agents import Finalisation
@@ -27,7 +27,7 @@ def finalise_workspace(
             "the output folder is not empty", found=str(output), expected="a new folder"
         )
     output.mkdir(parents=True, exist_ok=True)
-    record = TrialRecord(record_of(workspace))
+    record = TrialRecord(record_path(workspace))
     calls = record.calls
     at_s = calls[-1].at_s + calls[-1].seconds if calls else 0.0
     record.keep_saved(workspace, call=len(calls), at_s=at_s)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.evaluation_summary import Interval
 
 LEVEL: Final = 0.95
@@ -22,7 +22,7 @@ def check_draws(draws: int, seed: int) -> None:
     if draws < 1 or seed < 0:
         raise UsageError(
             "invalid bootstrap settings",
-            found=f"{counted(draws, 'draw', 'draws')}, seed {seed}",
+            found=f"{plural(draws, 'draw', 'draws')}, seed {seed}",
             expected="at least one draw, and a seed of at least 0",
         )
 
@@ -36,7 +36,7 @@ def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
     if n_groups < 1 or draws < 1 or seed < 0:
         raise UsageError(
             "invalid bootstrap settings",
-            found=f"{n_groups} groups, {counted(draws, 'draw', 'draws')}, seed {seed}",
+            found=f"{n_groups} groups, {plural(draws, 'draw', 'draws')}, seed {seed}",
             expected="at least one group and one draw, and a seed of at least 0",
         )
     random = np.random.default_rng([seed, n_groups])

@@ -10,8 +10,8 @@ from pathlib import Path, PurePosixPath
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.files import Json
 from legoworld.records.evidence import AnyEvidence
-from legoworld.records.folders.evaluation_reading import EVIDENCE
-from legoworld.records.folders.input_hash import hash_and_size, without_of
+from legoworld.records.folders.input_hash import excluded_keys, hash_and_size
+from legoworld.records.folders.read_evaluation import EVIDENCE
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def until_damage(checks: Iterator[Check]) -> Iterator[Check]:
 def check_files(folder: Path, evidence: AnyEvidence) -> Iterator[Check]:
     """Every file of a folder against the hashes in its evidence."""
     for name, sha256 in evidence.files.items():
-        yield _hashed(f"file {name}", folder / name, sha256)
+        yield _check_hash(f"file {name}", folder / name, sha256)
     present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
     for name in sorted(present - set(evidence.files) - {EVIDENCE}):
         yield Check("UNLISTED", f"file {name}", f"not in {EVIDENCE}")
@@ -47,16 +47,16 @@ def check_inputs(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iter
     """Every input against its hash; looked for below `root` where given."""
     for entry in evidence.inputs:
         what, without = f"input {entry.role} {entry.path}", entry.without or ()
-        allowed = without_of(entry.role)
+        allowed = excluded_keys(entry.role)
         # Evidence of before the time was left out leaves nothing out.
         if without in ((), allowed):
-            yield _hashed(what, located(folder, entry.path, root), entry.sha256, without)
+            yield _check_hash(what, find_input(folder, entry.path, root), entry.sha256, without)
         else:
             may = ", ".join(allowed) or "nothing"
             yield Check("DIFFERS", what, f"its hash leaves out {[*without]!r:.60}; may: {may}")
 
 
-def located(folder: Path, recorded: str, root: Path | None) -> Path | None:
+def find_input(folder: Path, recorded: str, root: Path | None) -> Path | None:
     """An input's path: as recorded, or the longest ending of it that lies below root."""
     if root is None:
         return folder / recorded
@@ -68,16 +68,16 @@ def located(folder: Path, recorded: str, root: Path | None) -> Path | None:
     return None
 
 
-def _hashed(what: str, path: Path | None, sha256: str, without: Sequence[str] = ()) -> Check:
+def _check_hash(what: str, path: Path | None, sha256: str, without: Sequence[str] = ()) -> Check:
     if path is None or not path.is_file():
         return Check("MISSING", what, "no such file")
     try:
-        found, _ = hash_and_size(path, without)
+        digest, _ = hash_and_size(path, without)
     except (ValueError, RecursionError):
         return Check("CHANGED", what, f"not JSON, on record {sha256[:12]}")
-    if found != sha256:
-        return Check("CHANGED", what, f"{found[:12]}, on record {sha256[:12]}")
-    return Check("ok", what, found[:12])
+    if digest != sha256:
+        return Check("CHANGED", what, f"{digest[:12]}, on record {sha256[:12]}")
+    return Check("ok", what, digest[:12])
 
 
 def check_equal(what: str, found: Json, recorded: Json) -> Check:
@@ -90,11 +90,11 @@ def check_equal(what: str, found: Json, recorded: Json) -> Check:
 def refuse_unseen(sizes_bytes: Mapping[Path, int], what: str, error: type[LegoWorldError]) -> None:
     """Raise the error where this machine does not see files as the command does, by their sizes."""
     for path, size_bytes in sizes_bytes.items():
-        found = path.stat().st_size if path.is_file() else None
-        if found != size_bytes:
+        size = path.stat().st_size if path.is_file() else None
+        if size != size_bytes:
             raise error(
                 f"a machine does not see {what}",
-                found=f"{'nothing' if found is None else f'{found} bytes'} at {path} "
+                found=f"{'nothing' if size is None else f'{size} bytes'} at {path} "
                 f"on {platform.node()}",
                 expected=f"the {size_bytes} bytes that the command sees there",
                 next_step="put RUN and --truth into folders that all machines see under the same "

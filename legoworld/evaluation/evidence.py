@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from legoworld.evaluation.checks import Check, check_equal, check_files, check_inputs, until_damage
-from legoworld.evaluation.family import Recorded, evaluation_of
+from legoworld.evaluation.family import RecordedEvaluation, load_evaluation_family
 from legoworld.records.evaluation_rows import ImageRow
 from legoworld.records.evaluation_summary import Summary
-from legoworld.records.folders.evaluation_reading import (
+from legoworld.records.folders.read_evaluation import (
     read_evaluation_evidence,
     read_evidence,
     read_image_rows,
@@ -35,8 +35,8 @@ def _made_again(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterat
     if summary.task != evidence.task:
         yield check_equal("task", summary.task, evidence.task)
         return
-    yield from evaluation_of(summary.task).verify(
-        Recorded(
+    yield from load_evaluation_family(summary.task).verify(
+        RecordedEvaluation(
             folder=folder,
             evidence=evidence,
             summary=summary,

@@ -9,13 +9,13 @@ from typing import Any
 
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
-from legoworld.evaluation.opening import HERE, Origins
+from legoworld.evaluation.prepare_inputs import HERE, Origins
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import EvaluationEvidence
 from legoworld.tables.table import Table
 from legoworld.tables.terminal import terminal, within_width
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 
@@ -51,7 +51,7 @@ class EvaluationRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recorded:
+class RecordedEvaluation:
     """A finished evaluation that is checked. root: where moved inputs are looked for.
 
     inputs_hold: whether every input is there and is what was scored.
@@ -79,7 +79,7 @@ class EvaluationFamily:
     """
 
     evaluate: Callable[[EvaluationRequest], Summary]
-    verify: Callable[[Recorded], Iterator[Check]]
+    verify: Callable[[RecordedEvaluation], Iterator[Check]]
     short: Callable[[Any], str]
     metrics: Callable[[Any], Sequence[MetricPart]] = metric_parts
     tables: Callable[[Any], Sequence[Table]] = _nothing
@@ -90,14 +90,14 @@ class EvaluationFamily:
     truth_is_file: bool = True
 
 
-def evaluation_of(task: str) -> EvaluationFamily:
+def load_evaluation_family(task: str) -> EvaluationFamily:
     """The evaluation of a task. UsageError, InstallationError."""
-    return family_of(task).load("evaluation", EvaluationFamily)
+    return find_family(task).load("evaluation", EvaluationFamily)
 
 
 def evaluation_text(summary: Summary) -> str:
     """Everything that an evaluation says of itself, for a terminal."""
-    family = evaluation_of(summary.task)
+    family = load_evaluation_family(summary.task)
     tables = [*metric_tables([("", family.metrics(summary))]), *family.tables(summary)]
     head = family.head(summary) if family.head else family.short(summary).split("\n", 1)[0]
     parts = [head, *map(terminal, tables), "\n".join(family.notes(summary))]

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from legoworld.errors import LegoWorldError, UsageError, cause
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.base import RecordError, decode, decode_lines
 from legoworld.records.folders.prediction_files import prediction_files, stored_batches
+from legoworld.records.folders.read_run import ROWS, RUN, list_altered
 from legoworld.records.folders.run_journal import JOURNAL
-from legoworld.records.folders.run_reading import ROWS, RUN, altered
 from legoworld.records.predictions import Scored
 from legoworld.records.run_file import Configuration, RunHead
 from legoworld.records.run_rows import RunImage, RunRow
-from legoworld.tasks.registry import tasks_of
+from legoworld.tasks.registry import family_tasks
 from legoworld.tasks.task import Family
 
 P = TypeVar("P", bound=Scored)
@@ -75,17 +75,17 @@ def read_run(folder: Path) -> Run:
         raise RunUnusableError(
             f"the run in {folder.name} does not cover its own track",
             found=f"rows: {len(images)}, of different images: {n}",
-            expected=f"{counted(attempted, 'image', 'images')}, one row each",
+            expected=f"{plural(attempted, 'image', 'images')}, one row each",
             next_step="run its command again",
         )
     ordered = sorted(images, key=lambda i: i.image_id)
     return Run(folder=folder, head=head, images=tuple(ordered))
 
 
-def read_run_of(folder: Path, family: Family, kind: str) -> Run:
+def read_family_run(folder: Path, family: Family, kind: str) -> Run:
     """A run of a family's tasks, `read_run`; UsageError for another. kind: "a depth run"."""
     run = read_run(folder)
-    names = [task.name for task in tasks_of(family)]
+    names = [task.name for task in family_tasks(family)]
     if run.task not in names:
         raise UsageError(
             f"{folder.name or folder} is not {kind}",
@@ -106,7 +106,7 @@ def read_rows(run: Run) -> list[RunRow]:
 
 def _refuse_altered(folder: Path, head: RunHead, files: list[Path]) -> None:
     """Raise RunUnusableError if a file was altered after the run."""
-    for name in altered(folder, head, files):
+    for name in list_altered(folder, head, files):
         raise RunUnusableError(
             f"{folder.name}/{name} is not the one that the run wrote",
             found="another sha256",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.evaluation_summary import Coverage, Interval, Summary
 from legoworld.tables.table import Number
 
@@ -13,7 +13,7 @@ from legoworld.tables.table import Number
 _SHORT: Final = 3
 
 
-def evaluator_of(summary: Summary) -> str:
+def describe_evaluator(summary: Summary) -> str:
     """The evaluator and its version."""
     return f"{summary.evaluator.name} {summary.evaluator.version}"
 
@@ -21,7 +21,7 @@ def evaluator_of(summary: Summary) -> str:
 def image_counts(coverage: Coverage) -> str:
     """Images attempted, scored and with truth."""
     return (
-        f"{counted(coverage.attempted, 'image', 'images')} attempted, {coverage.scored} "
+        f"{plural(coverage.attempted, 'image', 'images')} attempted, {coverage.scored} "
         f"scored, {coverage.with_truth} with truth"
     )
 
@@ -41,5 +41,5 @@ def first_few(lines: Sequence[str], one: str, many: str) -> list[str]:
     """The first lines of one kind, and how many more there are."""
     if len(lines) <= _SHORT:
         return [*lines]
-    more = counted(len(lines) - _SHORT, f"more {one}", f"more {many}")
+    more = plural(len(lines) - _SHORT, f"more {one}", f"more {many}")
     return [*lines[:_SHORT], f"... and {more} (-v lists all)"]

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.family import load_evaluation_family
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
 from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evaluation_view import ShownPrediction, TruthView
 from legoworld.records.evidence import EvaluationEvidence, Evidence
-from legoworld.records.folders.evaluation_reading import (
+from legoworld.records.folders.read_evaluation import (
     EVIDENCE,
     MATCHES,
     PER_CATEGORY,
@@ -29,8 +29,8 @@ from legoworld.records.folders.evaluation_reading import (
     read_evaluation_evidence,
     read_image_rows,
     read_summary,
-    reading,
     require_finished,
+    translate_read_errors,
 )
 from legoworld.records.run_file import ImageSource, RunView, UsedTruth
 from legoworld.records.run_rows import RunRow
@@ -55,7 +55,7 @@ class EvaluationChangedError(LegoWorldError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluated:
+class StoredEvaluation:
     """One evaluation.
 
     name: how tables and pages call it; run: its view/run.json; rows: of per_image.jsonl, ascending
@@ -144,12 +144,12 @@ class Evaluated:
         return self._view(kind, name) if f"{VIEW}/{name}" in self.evidence.files else None
 
     def _view(self, kind: type[T], name: str) -> T:
-        with reading(self.folder, f"{VIEW}/{name}"):
-            path = checked(self.folder, self.evidence, f"{VIEW}/{name}")
+        with translate_read_errors(self.folder, f"{VIEW}/{name}"):
+            path = check_file(self.folder, self.evidence, f"{VIEW}/{name}")
             return decode(kind, path.read_bytes())
 
 
-def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
+def read_evaluation(folder: Path, *, unnamed: str | None = None) -> StoredEvaluation:
     """A finished evaluation under its own name: "scene", or the baseline's.
 
     unnamed: what a baseline is called that recorded no name, None for the folder's name.
@@ -159,7 +159,7 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     require_finished(folder)
     evidence = read_evaluation_evidence(folder)
     present = [name for name in READ if name in evidence.files]
-    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *evaluation_of(evidence.task).files}
+    needed = {SUMMARY, PER_IMAGE, RUN_VIEW, *load_evaluation_family(evidence.task).files}
     if missing := sorted(needed - {*present}):
         raise EvaluationChangedError(
             f"{folder.name} has a different version",
@@ -168,14 +168,14 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
             next_step="evaluate again with --overwrite",
         )
     for name in present:
-        checked(folder, evidence, name)
+        check_file(folder, evidence, name)
     summary = read_summary(folder)
-    with reading(folder, RUN_VIEW) as path:
+    with translate_read_errors(folder, RUN_VIEW) as path:
         run = decode(RunView, path.read_bytes())
     name = "scene"
     if summary.kind != "scene":
         name = str(run.configuration.baseline or unnamed or folder.resolve().name)
-    return Evaluated(
+    return StoredEvaluation(
         folder=folder,
         name=name,
         summary=summary,
@@ -186,15 +186,15 @@ def read_evaluation(folder: Path, *, unnamed: str | None = None) -> Evaluated:
     )
 
 
-def checked(folder: Path, evidence: Evidence, name: str) -> Path:
+def check_file(folder: Path, evidence: Evidence, name: str) -> Path:
     """A file's path. EvaluationChangedError when it is not what evidence.json has on record."""
     path = folder / name
     recorded = evidence.files.get(name)
-    found = sha256_of_file(path) if path.is_file() else None
-    if found is None or found != recorded:
+    digest = sha256_of_file(path) if path.is_file() else None
+    if digest is None or digest != recorded:
         raise EvaluationChangedError(
             f"{folder.name}/{name} is not what was written",
-            found=found[:12] if found else "no such file",
+            found=digest[:12] if digest else "no such file",
             expected=f"{str(recorded)[:12]}, as in {EVIDENCE}",
             next_step="evaluate again; `legoworld evidence verify` names every difference",
         )

@@ -13,7 +13,7 @@ ARTEFACTS: Final = "artefacts"
 Kind = Literal["json", "md", "png"]
 
 
-def kind_of(name: str) -> Kind:
+def find_kind(name: str) -> Kind:
     """The kind of a file by its name."""
     kinds: dict[str, Kind] = {".json": "json", ".md": "md", ".png": "png"}
     return kinds[Path(name).suffix]

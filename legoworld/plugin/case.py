@@ -16,7 +16,7 @@ from legoworld.plugin.diff import changes
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.live import LiveBlender
 from legoworld.plugin.measure import measure
-from legoworld.plugin.recorded import Recorded, TransactionError
+from legoworld.plugin.open_ledger import OpenLedger, TransactionError
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
 from legoworld.records.base import as_json, canonical, to_record
@@ -32,7 +32,7 @@ from legoworld.records.plugin_state import Change, SceneState
 STATES: Final = "states"
 
 
-class Case(Recorded):
+class Case(OpenLedger):
     """The tools over one ledger. live: the scene; evidence: of the photo, None without any.
 
     require_transaction: edits that were made without one are refused; otherwise they are named.
@@ -118,7 +118,7 @@ class Case(Recorded):
             )
         scene, base = self.live.read(keep=True)
         self.note(scene)
-        unguarded = self.unguarded(scene.state)
+        unguarded = self.unguarded_changes(scene.state)
         if unknown := unknown_names(declaration, scene.state):
             raise TransactionError(
                 "the declaration protects what the scene does not have",
@@ -132,28 +132,28 @@ class Case(Recorded):
             "unguarded": list(as_json(unguarded)),
         }
 
-    def unguarded(self, now: SceneState) -> tuple[Change, ...]:
+    def unguarded_changes(self, now: SceneState) -> tuple[Change, ...]:
         """Edits outside transactions: changes since the last one ended. Empty before the first.
 
         TransactionError for any where edits without a transaction are refused.
         """
-        if self.settled() is None or self.phase == "open":
+        if self.last_settled() is None or self.phase == "open":
             return ()
-        found = changes(self.base(), now)
-        if found and self._strict:
+        edits = changes(self.base(), now)
+        if edits and self._strict:
             raise TransactionError(
                 "the scene was edited while no transaction was open",
-                found=told_changes(found),
+                found=told_changes(edits),
                 expected="edits between begin and commit",
                 next_step="undo them, or call rollback: it returns to the last committed scene",
             )
-        return found
+        return edits
 
     def diff(self) -> tuple[Change, ...]:
         """Every change since the open transaction began."""
 
         def call() -> tuple[Change, ...]:
-            self.begun()
+            self.begun_entry()
             return changes(self.base(), self.read().state)
 
         return self.record("diff", {}, call)
@@ -166,7 +166,7 @@ class Case(Recorded):
         """
 
         def call() -> tuple[Judgement, Report]:
-            begun = self.begun(number)
+            begun = self.begun_entry(number)
             declaration = to_record(Declaration, begun.request)
             refused = self.count("commit", since=begun.seq)
             if refused > self._limits.rounds:
@@ -197,9 +197,9 @@ class Case(Recorded):
 
         def call() -> SceneState:
             # Where nothing else is left to do, the way back is free.
-            free = self._strict and self.phase == "idle" and self._edited()
+            free = self._strict and self.phase == "idle" and self._is_edited()
             if not free:
-                refused = self.count("commit", since=self.begun(number).seq)
+                refused = self.count("commit", since=self.begun_entry(number).seq)
                 free = refused > self._limits.rounds
             if not free and self.count("rollback") >= self._limits.rollbacks:
                 raise TransactionError(
@@ -218,9 +218,9 @@ class Case(Recorded):
         request = {} if number is None else {"transaction": number}
         return self.record("rollback", request, call, closes=lambda _: True)
 
-    def _edited(self) -> bool:
+    def _is_edited(self) -> bool:
         """Whether the scene is another than the last transaction left."""
-        settled = self.settled()
+        settled = self.last_settled()
         now = self.read().state.scene_signature
         return settled is not None and settled.scene_signature != now
 
@@ -235,8 +235,8 @@ class Case(Recorded):
         return self.evidence.size_wh if self.evidence and rendered else None
 
 
-def told_changes(found: Sequence[Change]) -> str:
+def told_changes(edits: Sequence[Change]) -> str:
     """Changes in words, at most five."""
-    shown = [f"{change.entity} ({change.kind})" for change in found[:5]]
-    more = [f"and {len(found) - 5} more"] if len(found) > 5 else []
+    shown = [f"{change.entity} ({change.kind})" for change in edits[:5]]
+    more = [f"and {len(edits) - 5} more"] if len(edits) > 5 else []
     return ", ".join([*shown, *more])

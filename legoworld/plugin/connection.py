@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from legoworld.endpoint.framing import FramingError, MessageSplitter
+from legoworld.endpoint.message_frames import FramingError, MessageSplitter
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import Json
 from legoworld.records.base import Record, RecordError, canonical, decode

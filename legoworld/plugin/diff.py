@@ -28,11 +28,11 @@ def changes(before: SceneState, after: SceneState) -> tuple[Change, ...]:
     or what it is constrained to) has changed its transform: a viewer sees it move. A renamed object
     is one removed and one added: Blender keeps no identity besides the name.
     """
-    found = tuple(_changes(before, after))
-    if not found and before.scene_signature != after.scene_signature:
+    differences = tuple(_changes(before, after))
+    if not differences and before.scene_signature != after.scene_signature:
         # Of no object: an alpha texture on disk, say, that cuts other holes into what is seen.
         return (Change(entity="scene", kind="data"),)
-    return found
+    return differences
 
 
 def _changes(before: SceneState, after: SceneState) -> Iterator[Change]:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.scene.affine import transformed
+from legoworld.scene.affine import transform_points
 from legoworld.scene.snapshot import Snapshot
 
 
@@ -49,7 +49,7 @@ class Entities:
         shot = self.snapshot
         mesh = int(shot.surface_mesh[surface])
         vertices = shot.vertices[slice(*shot.vertex_start[mesh : mesh + 2].tolist())]
-        world = transformed(shot.world_from_mesh[surface], vertices.astype(np.float64))
+        world = transform_points(shot.world_from_mesh[surface], vertices.astype(np.float64))
         return world * shot.render.unit_scale
 
     def triangles_m(self, surfaces: NDArray[np.bool_]) -> NDArray[np.float64]:

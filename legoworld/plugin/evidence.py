@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.depth_files.reading import read_npz_array
+from legoworld.depth_files.read_depth import read_npz_array
 from legoworld.errors import LegoWorldError
 from legoworld.files import sha256_of_file
 from legoworld.readouts.masks import covered_px
@@ -103,10 +103,10 @@ def check_run_lengths(name: str, counts: str, pixels: int, source: str) -> None:
 
 
 def _photo(path: Path, sha256: str) -> NDArray[np.uint8]:
-    if (found := sha256_of_file(path)) != sha256:
+    if (digest := sha256_of_file(path)) != sha256:
         raise EvidenceInvalidError(
             "the evidence is of another photo",
-            found=f"{path.name} with sha256 {found[:12]}...",
+            found=f"{path.name} with sha256 {digest[:12]}...",
             expected=f"sha256 {sha256[:12]}...",
             next_step="run `legoworld plugin evidence` on this photo",
         )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
 from legoworld.records.base import RecordError, decode
 from legoworld.records.plugin_evidence import CameraEvidence, PhotoEvidence, ProviderCamera, Rows
 
@@ -35,10 +35,10 @@ def camera_evidence(
     estimated.
     """
     if provided is None:
-        return _estimated(photo, hfov_deg, None if hfov_deg is None else "given")
+        return _estimate_camera(photo, hfov_deg, None if hfov_deg is None else "given")
     hfov = math.degrees(2 * math.atan(provided.width / 2 / provided.fx))
     if provided.world_from_cam_rotation is None:
-        return _estimated(photo, hfov, provided.source)
+        return _estimate_camera(photo, hfov, provided.source)
     return CameraEvidence(
         hfov_deg=hfov,
         hfov_source=provided.source,
@@ -60,7 +60,7 @@ def unusable_camera(camera: ProviderCamera, problem: CameraProblem) -> CameraEvi
     )
 
 
-def _estimated(
+def _estimate_camera(
     photo: NDArray[np.uint8], hfov_deg: float | None, source: str | None
 ) -> CameraEvidence:
     import cv2
@@ -74,7 +74,7 @@ def _estimated(
         try:
             a, b, c = manhattan_camera(gray, hfov_deg).world_from_cam.tolist()
             rotation = (tuple(a), tuple(b), tuple(c))
-        except UntoldError as error:
+        except UndeterminedError as error:
             unknown = str(error)
     return CameraEvidence(
         hfov_deg=hfov_deg,
@@ -90,11 +90,11 @@ def read_camera(path: Path, about: PhotoEvidence) -> ProviderCamera:
     try:
         camera = decode(ProviderCamera, path.read_bytes())
     except RecordError as error:
-        raise _refused(path, CameraProblem(str(error), "a camera of schema plugin-camera")) from (
-            error
-        )
+        raise _refused_error(
+            path, CameraProblem(str(error), "a camera of schema plugin-camera")
+        ) from (error)
     if problem := camera_problem(camera, about):
-        raise _refused(path, problem)
+        raise _refused_error(path, problem)
     return camera
 
 
@@ -121,7 +121,7 @@ def camera_problem(camera: ProviderCamera, about: PhotoEvidence) -> CameraProble
     return None
 
 
-def _refused(path: Path, problem: CameraProblem) -> EvidenceInvalidError:
+def _refused_error(path: Path, problem: CameraProblem) -> EvidenceInvalidError:
     return EvidenceInvalidError(
         f"the camera of {path.name} cannot be used", found=problem.found, expected=problem.expected
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import picture_shape
-from legoworld.depth_files.reading import npz_contents, read_npz_array, read_picture
+from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
 from legoworld.errors import cause
 from legoworld.files import sha256_of_file, write_npz
 from legoworld.plugin.evidence import DEPTH, EvidenceInvalidError
@@ -42,7 +42,7 @@ def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> De
     values = _array(path)
     if values.shape != size_wh[::-1]:
         _refuse_another_shape(values.shape, size_wh, known=given.of_photo)
-        values = _resized(values, size_wh)
+        values = _resize_depth(values, size_wh)
     if np.count_nonzero(np.isfinite(values)) < 16:
         raise EvidenceInvalidError(
             f"{path} has no depth",
@@ -102,7 +102,7 @@ def _refuse_another_shape(shape: tuple[int, ...], size_wh: tuple[int, int], *, k
         )
 
 
-def _resized(values: NDArray[np.float32], size_wh: tuple[int, int]) -> NDArray[np.float32]:
+def _resize_depth(values: NDArray[np.float32], size_wh: tuple[int, int]) -> NDArray[np.float32]:
     """To the photo's size, by nearest neighbours: no depth is made up between two surfaces."""
     import cv2
 

@@ -11,13 +11,13 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.depth_files.reading import npz_contents
+from legoworld.depth_files.read_depth import npz_contents
 from legoworld.errors import cause
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import canonical
-from legoworld.records.folders.run_reading import (
+from legoworld.records.folders.read_run import (
     RUN,
     RunDamagedError,
     finished_records,
@@ -47,7 +47,7 @@ class RunEvidence:
     space: DepthSpace
 
 
-def run_of(path: Path) -> Path | None:
+def find_run(path: Path) -> Path | None:
     """The run folder that a path is, or that a results file lies in; None for any other path."""
     folder = path if path.is_dir() else path.parent
     return folder if (folder / RUN).is_file() else None
@@ -61,9 +61,13 @@ def usable_run(folder: Path) -> Configuration:
     try:
         configuration = finished_run(folder).configuration
     except (RunDamagedError, OSError) as error:
-        raise _refused(f"{folder.name} is not a finished baseline run", cause(error)) from error
+        raise _refused_error(
+            f"{folder.name} is not a finished baseline run", cause(error)
+        ) from error
     if configuration.used_truth:
-        raise _refused(f"{folder.name} was prompted with ground truth", "used_truth in run.json")
+        raise _refused_error(
+            f"{folder.name} was prompted with ground truth", "used_truth in run.json"
+        )
     return configuration
 
 
@@ -78,13 +82,13 @@ def of_run(folder: Path, photo_sha256: str) -> RunEvidence:
     if record is None:
         photos = sum(bool(r.scene is not None and r.scene.photo_sha256) for r in records)
         found = f"{photos} photos, none of this hash"
-        raise _refused(f"{folder.name} is about other photos", found)
+        raise _refused_error(f"{folder.name} is about other photos", found)
     if record.row.status != "ok":
-        raise _refused(f"{folder.name} has no result for the photo", record.row.status)
+        raise _refused_error(f"{folder.name} has no result for the photo", record.row.status)
     return _evidence(folder, configuration, record)
 
 
-def photos_of(folder: Path) -> set[str]:
+def read_photo_hashes(folder: Path) -> set[str]:
     """The hashes of a finished run's photos, with a result or without."""
     scenes = (record.scene for record in _records(folder))
     return {s.photo_sha256 for s in scenes if s is not None and s.photo_sha256}
@@ -100,8 +104,8 @@ def depth_file(folder: Path, file_name: str) -> tuple[Path, DepthSpace] | None:
     """A photo's array in a folder of arrays that no run stands for; None where it has none."""
     stem = PurePosixPath(file_name).with_suffix("")
     paths = [folder / f"{stem}{suffix}" for suffix in _ARRAYS]
-    found = next((path for path in paths if path.is_file()), None)
-    return None if found is None else (found, _space(found))
+    file = next((path for path in paths if path.is_file()), None)
+    return None if file is None else (file, _space(file))
 
 
 def _space(path: Path) -> DepthSpace:
@@ -127,7 +131,9 @@ def _records(folder: Path) -> list[ImageRecord]:
     try:
         return list(finished_records(folder))
     except (RunDamagedError, OSError) as error:
-        raise _refused(f"{folder.name} is not a finished baseline run", cause(error)) from error
+        raise _refused_error(
+            f"{folder.name} is not a finished baseline run", cause(error)
+        ) from error
 
 
 def _of_photo(records: Sequence[ImageRecord], photo_sha256: str) -> ImageRecord | None:
@@ -144,9 +150,11 @@ def _evidence(folder: Path, configuration: Configuration, record: ImageRecord) -
     if written := record.row.depth:
         depth, space = folder / written.file, written.space or "depth"
         if not depth.is_file() or sha256_of_file(depth) != written.sha256:
-            raise _refused(f"{folder.name} is damaged", f"{written.file} is not what was recorded")
+            raise _refused_error(
+                f"{folder.name} is damaged", f"{written.file} is not what was recorded"
+            )
         if space not in _SPACES:
-            raise _refused(f"the depth of {folder.name} is not planar", f"space {space}")
+            raise _refused_error(f"the depth of {folder.name} is not planar", f"space {space}")
     else:
         results = canonical(record.predictions).encode()
     return RunEvidence(
@@ -159,7 +167,7 @@ def _evidence(folder: Path, configuration: Configuration, record: ImageRecord) -
     )
 
 
-def _refused(what: str, found: str) -> EvidenceInvalidError:
+def _refused_error(what: str, found: str) -> EvidenceInvalidError:
     return EvidenceInvalidError(
         what,
         found=found,

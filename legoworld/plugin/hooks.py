@@ -15,7 +15,7 @@ from typing import Any, Final, Literal, get_args
 
 from legoworld.errors import LegoWorldError
 from legoworld.plugin.ledger import LedgerBrokenError, read_ledger
-from legoworld.plugin.unfinished import unfinished
+from legoworld.plugin.remaining_work import list_unfinished
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, canonical, decode
 from legoworld.records.plugin_ledger import Entry, HookMark
 
@@ -62,7 +62,7 @@ class HookRules:
 
 def hook_answer(rules: HookRules, data: bytes) -> str:
     """Reply to one event, as the harness's JSON. HookInputError if it is not an event."""
-    payload, event = _read(data)
+    payload, event = _read_payload(data)
     try:
         entries, broken = read_ledger(rules.ledger), None
     except LedgerBrokenError as error:
@@ -71,14 +71,14 @@ def hook_answer(rules: HookRules, data: bytes) -> str:
         return canonical(_stop(rules, payload, entries, broken))
     tool = "" if isinstance(payload.tool_name, UnsetType) else payload.tool_name
     if not edits(tool):
-        return canonical(_allowed(rules.dialect, event))
+        return canonical(_allow(rules.dialect, event))
     why = None
     if event == "before_tool":
         why = broken or _not_declared(rules, entries)
     if why is not None:
-        return canonical(_denied(rules.dialect, why))
+        return canonical(_deny(rules.dialect, why))
     _note(rules.ledger, HookMark(ledger_seq=_seq(entries), what="edit", tool=tool))
-    return canonical(_allowed(rules.dialect, event))
+    return canonical(_allow(rules.dialect, event))
 
 
 def edits(tool: str) -> bool:
@@ -87,7 +87,7 @@ def edits(tool: str) -> bool:
     return name in EDITING or name.startswith(EDITING_STARTS)
 
 
-def _read(data: bytes) -> tuple[_Payload, Event]:
+def _read_payload(data: bytes) -> tuple[_Payload, Event]:
     try:
         payload = decode(_Payload, data.removeprefix(_BOM))
         return payload, _EVENTS[payload.hook_event_name]
@@ -110,12 +110,12 @@ def _stop(
     rules: HookRules, payload: _Payload, entries: Sequence[Entry], broken: str | None
 ) -> dict[str, Any]:
     marks = _marks(rules.ledger)
-    left = (broken,) if broken is not None else unfinished(entries, marks)
+    left = (broken,) if broken is not None else list_unfinished(entries, marks)
     # Cursor also tells of turns that the user ended.
     if not left or payload.status in ("aborted", "error"):
         return {}
     seq = _seq(entries)
-    if _blocks_in_a_row(marks, seq) >= MOST_BLOCKS or _looped(payload):
+    if _blocks_in_a_row(marks, seq) >= MOST_BLOCKS or _is_repeated_stop(payload):
         _note(rules.ledger, HookMark(ledger_seq=seq, what="let_go"))
         if rules.dialect == "cursor":
             return {}
@@ -127,7 +127,7 @@ def _stop(
     return {"decision": "block", "reason": why}
 
 
-def _looped(payload: _Payload) -> bool:
+def _is_repeated_stop(payload: _Payload) -> bool:
     return not isinstance(payload.loop_count, UnsetType) and payload.loop_count >= MOST_BLOCKS
 
 
@@ -141,12 +141,12 @@ def _blocks_in_a_row(marks: Sequence[HookMark], seq: int) -> int:
     return count
 
 
-def _allowed(dialect: Dialect, event: Event) -> dict[str, Any]:
+def _allow(dialect: Dialect, event: Event) -> dict[str, Any]:
     """No opinion: the harness's own permissions decide; Cursor wants a word before a tool."""
     return {"permission": "allow"} if dialect == "cursor" and event == "before_tool" else {}
 
 
-def _denied(dialect: Dialect, why: str) -> dict[str, Any]:
+def _deny(dialect: Dialect, why: str) -> dict[str, Any]:
     if dialect == "cursor":
         return {"permission": "deny", "user_message": why, "agent_message": why}
     return {

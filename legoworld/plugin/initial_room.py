@@ -7,7 +7,7 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path
-from legoworld.plugin.artefacts import kind_of
+from legoworld.plugin.artefacts import find_kind
 from legoworld.plugin.case import Case
 from legoworld.plugin.initialisation import Initialisation, shell_picture
 from legoworld.plugin.room_install import (
@@ -22,12 +22,12 @@ from legoworld.records.base import as_json
 INITIAL: Final = "initial"
 
 
-def install_room(case: Case, found: Initialisation) -> dict[str, str]:
+def install_room(case: Case, initialisation: Initialisation) -> dict[str, str]:
     """Install a room and its camera; sha256 of what is kept, by name.
 
     Rolled back where the scene then shows another room or camera: NotInstalledError says what.
     """
-    room = found.room
+    room = initialisation.room
     case.begin(installation(room))
     before = case.base().objects
     names = {o.name for o in before} | {c for o in before for c in o.collections}
@@ -37,7 +37,7 @@ def install_room(case: Case, found: Initialisation) -> dict[str, str]:
         case.live.install(install_code(room))
         scene = case.read()
         refuse_another(room, scene)
-        return _keep(case, found.files(shell_picture(room, scene)))
+        return _keep(case, initialisation.files(shell_picture(room, scene)))
 
     try:
         kept = case.record("initialize", as_json(room), call)
@@ -57,5 +57,5 @@ def _keep(case: Case, files: Mapping[str, bytes]) -> dict[str, str]:
     for name, data in files.items():
         with atomic_path(case.folder / INITIAL / name) as temporary:
             temporary.write_bytes(data)
-        kept[name] = case.artefacts.keep(data, kind_of(name))
+        kept[name] = case.artefacts.keep(data, find_kind(name))
     return kept

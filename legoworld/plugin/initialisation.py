@@ -11,7 +11,7 @@ import numpy as np
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure import surface_view
 from legoworld.plugin.plan import construction_plan, plan_markdown
-from legoworld.plugin.room import recover_room, shell_view, structures_of
+from legoworld.plugin.room import assign_structures, recover_room, shell_view
 from legoworld.plugin.room_fit import FACES
 from legoworld.plugin.room_install import face_entities
 from legoworld.plugin.state import LiveScene
@@ -54,7 +54,7 @@ def recover(
     evidence: Evidence, given: Mapping[str, Structure] | None, camera_height_m: float
 ) -> Initialisation:
     """The room and the plan of a photo. RoomUnknownError where it does not tell the room."""
-    structures = structures_of(evidence, given)
+    structures = assign_structures(evidence, given)
     room = recover_room(evidence, structures, camera_height_m)
     over = None if evidence.photo is None else _over_photo(room, evidence.photo)
     return Initialisation(room=room, plan=construction_plan(evidence, structures), over_photo=over)

@@ -13,7 +13,7 @@ _DECODER: Final = json.JSONDecoder()
 _INDENT: Final = 2
 
 
-def added(text: str, path: tuple[str, ...], value: Json) -> tuple[str, list[str]]:
+def add_value(text: str, path: tuple[str, ...], value: Json) -> tuple[str, list[str]]:
     """A JSON text with one more value, and the fragments that were put in, one after the other.
 
     path: keys of objects from the root; missing ones are added. A list is appended to the list
@@ -33,17 +33,21 @@ def added(text: str, path: tuple[str, ...], value: Json) -> tuple[str, list[str]
                 raise ValueError(f"{'.'.join(path)} is there already")
             continue
         empty: Any = ([] if isinstance(value, list) else value) if last else {}
-        member = f"{json.dumps(key)}: {_written(empty, depth + 1)}"
-        text = _put(text, at, [end for _, end in members.values()], member, depth, fragments)
+        member = f"{json.dumps(key)}: {_format_value(empty, depth + 1)}"
+        text = _insert_item(
+            text, at, [end for _, end in members.values()], member, depth, fragments
+        )
     for item in value if isinstance(value, list) else ():
         at = _place(text, path)
         ends = [end for _, end in _items(text, at)]
-        text = _put(text, at, ends, _written(item, len(path) + 1), len(path), fragments)
+        text = _insert_item(
+            text, at, ends, _format_value(item, len(path) + 1), len(path), fragments
+        )
     return text, fragments
 
 
-def removed(text: str, fragments: list[str]) -> str:
-    """A JSON text without the fragments that `added` put in, everything else as it is.
+def remove_fragments(text: str, fragments: list[str]) -> str:
+    """A JSON text without the fragments that `add_value` put in, everything else as it is.
 
     A container that has got other contents since stays. ValueError where a value is not found as
     it was put in.
@@ -82,7 +86,9 @@ def _place(text: str, path: tuple[str, ...]) -> int:
     return at
 
 
-def _put(text: str, at: int, ends: list[int], item: str, depth: int, fragments: list[str]) -> str:
+def _insert_item(
+    text: str, at: int, ends: list[int], item: str, depth: int, fragments: list[str]
+) -> str:
     """An item into the object or list that opens at `at`; ends: of the items it has."""
     pad = "\n" + " " * (_INDENT * (depth + 1))
     if ends:
@@ -93,7 +99,7 @@ def _put(text: str, at: int, ends: list[int], item: str, depth: int, fragments: 
     return text[:place] + fragment + text[place:]
 
 
-def _written(value: Json, depth: int) -> str:
+def _format_value(value: Json, depth: int) -> str:
     pad = "\n" + " " * (_INDENT * depth)
     return json.dumps(value, indent=_INDENT).replace("\n", pad)
 

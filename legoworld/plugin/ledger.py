@@ -31,7 +31,7 @@ class Ledger:
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.path = folder / LEDGER
-        self.entries, whole = _read(self.path)
+        self.entries, whole = _read_entries(self.path)
         if self.path.exists() and whole < self.path.stat().st_size:
             # A line that was being written when the process was killed: its call was not answered.
             with self.path.open("rb+") as stream:
@@ -75,7 +75,7 @@ class Ledger:
             scene_signature=signatures[1],
             base_sha256=base_sha256,
         )
-        entry, line = _written(unsigned)
+        entry, line = _encode_entry(unsigned)
         with self.path.open("ab") as stream:
             stream.write(line)
             stream.flush()
@@ -88,7 +88,7 @@ class Ledger:
         return self.path.read_bytes() if self.path.exists() else b""
 
 
-def _written(unsigned: Entry) -> tuple[Entry, bytes]:
+def _encode_entry(unsigned: Entry) -> tuple[Entry, bytes]:
     """An entry with its hash, and its line. UsageError for one that could not be read again."""
     try:
         entry = msgspec.structs.replace(unsigned, sha256=_sha256(unsigned))
@@ -110,7 +110,7 @@ def read_ledger(folder: Path) -> list[Entry]:
 
     A last line without its end was being written when the process was killed, and is left out.
     """
-    return _read(folder / LEDGER)[0]
+    return _read_entries(folder / LEDGER)[0]
 
 
 def check_ledger(folder: Path) -> list[Entry]:
@@ -125,7 +125,7 @@ def check_ledger(folder: Path) -> list[Entry]:
     return entries
 
 
-def _read(path: Path) -> tuple[list[Entry], int]:
+def _read_entries(path: Path) -> tuple[list[Entry], int]:
     """The entries, and how many bytes of the file they take."""
     data = path.read_bytes() if path.exists() else b""
     whole = data.rfind(b"\n") + 1

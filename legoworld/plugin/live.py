@@ -92,7 +92,7 @@ class LiveBlender:
         self.recovered: str | None = None
 
     @contextmanager
-    def copied(self) -> Iterator[LiveCopy]:
+    def save_copy(self) -> Iterator[LiveCopy]:
         """A saved copy of the scene as it is now, for as long as the block runs."""
         copy, _ = self._save()
         try:
@@ -107,7 +107,7 @@ class LiveBlender:
 
         luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
         """
-        with self.copied() as copy:
+        with self.save_copy() as copy:
             before = copy.sha256()
             scene = read_live(copy.path, self.reader)
             if luma_wh is not None and not isinstance(scene.shown, LegoWorldError):

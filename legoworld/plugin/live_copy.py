@@ -30,7 +30,7 @@ class LiveCopy:
         self.workspace = workspace or path.parent.resolve()
         name = name_beneath(str(path), workspace) if workspace else PurePath(path.name)
         if path.name != COPY or not path.is_absolute() or name is None:
-            raise self._refused(str(path))
+            raise self._refused_error(str(path))
         self._name: PurePath = name
 
     @property
@@ -42,7 +42,7 @@ class LiveCopy:
         """Hash of its current bytes."""
         with self._files() as files, files.open_file(self._name, most_bytes=LARGEST_FILE) as stream:
             if stream is None:
-                raise self._refused("no such file")
+                raise self._refused_error("no such file")
             return hashlib.file_digest(stream, "sha256").hexdigest()
 
     def keep(self, store: Path) -> Path:
@@ -50,7 +50,7 @@ class LiveCopy:
         incoming = store / f".incoming{COPY}"
         with self._files() as files:
             if not files.copy_out(self._name, incoming, most_bytes=LARGEST_FILE):
-                raise self._refused("no such file")
+                raise self._refused_error("no such file")
         return incoming.replace(store / f"{sha256_of_file(incoming)}.blend")
 
     def put(self, stored: Path) -> None:
@@ -69,9 +69,9 @@ class LiveCopy:
             with Beneath(self.workspace) as files:
                 yield files
         except RefusedFileError as error:
-            raise self._refused(error.found) from error
+            raise self._refused_error(error.found) from error
 
-    def _refused(self, found: str) -> BlenderRefusedError:
+    def _refused_error(self, found: str) -> BlenderRefusedError:
         return BlenderRefusedError(
             "the copy of the live scene cannot be read from here",
             found=f"{self.path}: {found}",

@@ -45,7 +45,7 @@ def measure(
         results = tuple(_of_nothing(requirement, scene.shown) for requirement in requirements)
     else:
         size = evidence.size_wh if evidence else size_wh or scene.snapshot.render.size_wh
-        measured = _Measured(scene, evidence, size)
+        measured = _Measurement(scene, evidence, size)
         results = tuple(measured.result(requirement) for requirement in requirements)
     return Report(
         scene_signature=scene.state.scene_signature,
@@ -78,13 +78,13 @@ def surface_view(scene: LiveScene, size_wh: tuple[int, int]) -> Buffers:
     return surfaces_through(camera, scene.snapshot, size_wh)
 
 
-def pixels_of(surfaces: Mask, buffers: Buffers) -> Mask:
+def surface_pixels(surfaces: Mask, buffers: Buffers) -> Mask:
     """(H, W) bool: the pixels that show some surfaces. surfaces: (S,) bool."""
     # The last entry is for -1: nothing is hit.
     return np.asarray(np.append(surfaces, False)[buffers.instance])
 
 
-class _Measured(InTheWorld):
+class _Measurement(InTheWorld):
     """One scene under one photo; everything is computed when first asked for."""
 
     def __init__(
@@ -158,7 +158,7 @@ class _Measured(InTheWorld):
 
     def mask(self, name: str) -> Mask:
         surfaces = self.surfaces(name)
-        return self._kept((name, "mask"), lambda: pixels_of(surfaces, self.buffers))
+        return self._cached_mask((name, "mask"), lambda: surface_pixels(surfaces, self.buffers))
 
     def region(self, name: str) -> Mask:
         if self.evidence is None:
@@ -166,9 +166,9 @@ class _Measured(InTheWorld):
         evidence, region = self.evidence, self.evidence.region(name)
         if region is None:
             raise UnknownError(f"the evidence has no region {name!r}")
-        return self._kept((name, "region"), lambda: evidence.mask(region))
+        return self._cached_mask((name, "region"), lambda: evidence.mask(region))
 
-    def _kept(self, what: tuple[str, str], make: Callable[[], Mask]) -> Mask:
+    def _cached_mask(self, what: tuple[str, str], make: Callable[[], Mask]) -> Mask:
         """A mask that several requirements ask for, kept while all of them are small."""
         if what not in self._masks:
             if len(self._masks) * self.size_wh[0] * self.size_wh[1] > _MASKS_BYTES:
@@ -179,7 +179,7 @@ class _Measured(InTheWorld):
     def _shapes(self, mask: Mask, region: Mask) -> tuple[residuals.Shape, residuals.Shape]:
         shapes = []
         for pixels, whose in ((mask, "visible mask"), (region, "region")):
-            shape = residuals.shape_of(pixels)
+            shape = residuals.measure_shape(pixels)
             if shape is None or shape.area_px < residuals.SMALLEST_PX:
                 area = shape.area_px if shape else 0
                 raise UnknownError(f"the {whose} has {area} pixels, fewer than 16")
@@ -208,8 +208,8 @@ class _Measured(InTheWorld):
     def _pair(self, entity: str, region: str) -> tuple[float, float] | None:
         if (entity, region) not in self._pairs:
             both = self.mask(entity) & self.region(region)
-            found = residuals.median_pair(self.buffers.depth_z_m, self._disparity, both)
-            self._pairs[entity, region] = found
+            pair = residuals.median_pair(self.buffers.depth_z_m, self._disparity, both)
+            self._pairs[entity, region] = pair
         return self._pairs[entity, region]
 
     @property

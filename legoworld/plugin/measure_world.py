@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from legoworld.plugin import solids
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.penetration import penetration_m
-from legoworld.plugin.resting import rest_on
 from legoworld.plugin.state import LiveScene
+from legoworld.plugin.support import rest_on
 from legoworld.records import plugin_requirements as kinds
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.escaping import markdown_cell
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.residuals import SMALLEST_PX, shape_of
+from legoworld.plugin.residuals import SMALLEST_PX, measure_shape
 from legoworld.records.plugin_evidence import Region
 from legoworld.records.plugin_room import ConstructionPlan, PlannedObject, Structure
 
@@ -61,7 +61,7 @@ def _object(
     """known: the disparities of all planned objects that have one, nearest first."""
     width, height = size_wh
     mask = masks[region.name]
-    shape = shape_of(mask)
+    shape = measure_shape(mask)
     assert shape is not None  # a region without a pixel is refused as evidence
     u, v = shape.centroid_uv
     _, _, w, h = shape.extent_xywh
@@ -80,7 +80,7 @@ def _object(
         small=shape.area_px < SMALLEST_PX,
         touches=tuple(
             sorted(name for name, other in masks.items() if name != region.name
-                   and (_grown(mask) & other).any())
+                   and (_grow_mask(mask) & other).any())
         ),
     )  # fmt: skip
 
@@ -92,7 +92,7 @@ def _cut_by(mask: Mask) -> tuple[CutBy, ...]:
     return tuple(side for side, pixels in sides if pixels.any())
 
 
-def _grown(mask: Mask) -> Mask:
+def _grow_mask(mask: Mask) -> Mask:
     """A mask with its 4-neighbours."""
     padded = np.pad(mask, 1)
     near = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]

@@ -29,7 +29,7 @@ class Shape:
     extent_xywh: tuple[int, int, int, int]
 
 
-def shape_of(mask: Mask) -> Shape | None:
+def measure_shape(mask: Mask) -> Shape | None:
     """A mask's area, centroid and extent; None for an empty one."""
     rows, columns = np.nonzero(mask)
     if not len(rows):
@@ -111,13 +111,13 @@ def median_pair(
     depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> tuple[float, float] | None:
     """Medians over pixels that have both: (1 / z in 1 / metres, disparity). None below 16 px."""
-    z, known = _both(depth_z_m, disparity, both)
+    z, known = _paired_values(depth_z_m, disparity, both)
     if len(z) < SMALLEST_PX:
         return None
     return float(np.median(1.0 / z)), float(np.median(known))
 
 
-def _both(
+def _paired_values(
     depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N,) depth and disparity of a mask's pixels where both are known."""
@@ -147,7 +147,7 @@ def depth_residual(
     fit: DepthFit, depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> float | None:
     """Median of log(z of the scene / z of the fit) over the pixels that have both, signed."""
-    z, known = _both(depth_z_m, disparity, both)
+    z, known = _paired_values(depth_z_m, disparity, both)
     expected = fit.depth_m(known)
     kept = np.isfinite(expected)
     if np.count_nonzero(kept) < SMALLEST_PX:

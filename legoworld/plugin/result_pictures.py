@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.measure import pixels_of, surface_view
+from legoworld.plugin.measure import surface_pixels, surface_view
 from legoworld.plugin.residuals import outline
 from legoworld.plugin.small_render import rec709_luma
 from legoworld.plugin.state import LiveScene
@@ -51,7 +51,7 @@ class _View:
         self._buffers = surface_view(scene, size_wh)
         self._evidence = evidence
         photo = evidence.photo if evidence else None
-        self._ground = _gray(photo) if photo is not None else _shaded(self._buffers)
+        self._ground = _gray(photo) if photo is not None else _shade_depth(self._buffers)
 
     def picture(self, requirement: Requirement) -> Rgb | None:
         drawn = self._ground.copy()
@@ -62,7 +62,7 @@ class _View:
                 surfaces = self._entities.surfaces(name)
                 if surfaces is None:
                     continue
-                mask = pixels_of(surfaces, self._buffers)
+                mask = surface_pixels(surfaces, self._buffers)
                 shown |= mask
                 drawn[mask] = drawn[mask] // 3 + np.array(rgb, np.uint8) // 3 * 2
         for name in _regions(requirement):
@@ -70,7 +70,7 @@ class _View:
                 mask = self._evidence.mask(region)
                 shown |= mask
                 drawn[_thick(outline(mask))] = _REGION_RGB
-        return _cropped(drawn, shown) if shown.any() else None
+        return _crop_picture(drawn, shown) if shown.any() else None
 
 
 def _names(requirement: Requirement) -> list[str]:
@@ -95,7 +95,7 @@ def _gray(photo: Rgb) -> Rgb:
     return np.repeat(gray[..., None], 3, axis=2)
 
 
-def _shaded(buffers: Buffers) -> Rgb:
+def _shade_depth(buffers: Buffers) -> Rgb:
     """Depth as grey levels: near is light, background black."""
     finite = np.isfinite(buffers.depth_z_m) & (buffers.depth_z_m > 0)
     inverse = np.zeros(buffers.depth_z_m.shape)
@@ -112,7 +112,7 @@ def _thick(line: Mask) -> Mask:
     return grown
 
 
-def _cropped(picture: Rgb, shown: Mask) -> Rgb:
+def _crop_picture(picture: Rgb, shown: Mask) -> Rgb:
     """Around what is shown with a margin, scaled down to 240 pixels; never scaled up."""
     import cv2
 

@@ -33,7 +33,7 @@ class RoomUnknownError(LegoWorldError):
     code = "room_unknown"
 
 
-def structures_of(
+def assign_structures(
     evidence: Evidence, given: Mapping[str, Structure] | None
 ) -> dict[str, Structure]:
     """Structure by region name: as given, or from the region's name and category.
@@ -44,7 +44,8 @@ def structures_of(
         return {
             region.name: said
             for region in evidence.file.regions
-            if (said := _said(region.name) or _said(region.category or "")) is not None
+            if (said := _parse_structure(region.name) or _parse_structure(region.category or ""))
+            is not None
         }
     known = {region.name for region in evidence.file.regions}
     if missing := sorted(set(given) - known):
@@ -56,7 +57,7 @@ def structures_of(
     return dict(sorted(given.items()))
 
 
-def _said(name: str) -> Structure | None:
+def _parse_structure(name: str) -> Structure | None:
     """Parse "Back wall", "wall 2" or "floor"; None for any other name."""
     words = " ".join(name.lower().replace("-", " ").replace("_", " ").split())
     base = words.rstrip("0123456789 ")

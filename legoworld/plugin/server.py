@@ -10,8 +10,8 @@ from legoworld.errors import UsageError
 from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.modules import MODULES, tools_off
-from legoworld.plugin.server_answers import JsonObject, answer, one_at_a_time, typed
-from legoworld.plugin.server_finishing import add_finishing, kept_pictures
+from legoworld.plugin.server_answers import JsonObject, answer, decode_arguments, one_at_a_time
+from legoworld.plugin.server_final_steps import add_finishing, kept_pictures
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
 from legoworld.records.plugin_ledger import Declaration
@@ -84,7 +84,7 @@ def plugin_server(
                 found=f"{len(requirements)} requirements; the module `measurement` is off",
                 expected="a declaration without requirements",
             )
-        declaration = typed(
+        declaration = decode_arguments(
             Declaration,
             {
                 "editable": editable,
@@ -153,5 +153,5 @@ def plugin_server(
 
 
 def _requirements(given: list[JsonObject]) -> tuple[Requirement, ...]:
-    made: tuple[Requirement, ...] = typed(tuple[Requirement, ...], given)
+    made: tuple[Requirement, ...] = decode_arguments(tuple[Requirement, ...], given)
     return made

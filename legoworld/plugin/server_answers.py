@@ -66,7 +66,7 @@ def answer_text(case: Case, **shown: Json) -> str:
     return canonical(answer(case, **shown))
 
 
-def typed(kind: type[_T], given: Json) -> _T:
+def decode_arguments(kind: type[_T], given: Json) -> _T:
     """Arguments as a record. UsageError names the place of what does not fit."""
     if (place := _no_number(given)) is not None:
         raise UsageError("the arguments cannot be used", found=place, expected="finite numbers")

@@ -10,8 +10,8 @@ from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.initial_room import install_room
 from legoworld.plugin.initialisation import recover
 from legoworld.plugin.plan import construction_plan, plan_markdown
-from legoworld.plugin.room import structures_of
-from legoworld.plugin.server_answers import JsonObject, answer, one_at_a_time, typed
+from legoworld.plugin.room import assign_structures
+from legoworld.plugin.server_answers import JsonObject, answer, decode_arguments, one_at_a_time
 from legoworld.records.base import as_json
 from legoworld.records.plugin_room import Structure
 
@@ -39,20 +39,24 @@ def add_initialisation(server: MCPServer[Any], case: Case, evidence: Evidence | 
                 found=f"{camera_height_m:g}",
                 expected="metres from 0.01 to 1000",
             )
-        found = recover(_needed(evidence), _structures(structures), camera_height_m)
-        kept = install_room(case, found)
-        return answer(case, room=as_json(found.room), plan=as_json(found.plan), kept=kept)
+        initialisation = recover(
+            _require_evidence(evidence), _structures(structures), camera_height_m
+        )
+        kept = install_room(case, initialisation)
+        return answer(
+            case, room=as_json(initialisation.room), plan=as_json(initialisation.plan), kept=kept
+        )
 
     @server.tool()
     @one_at_a_time(case)
     def plan(structures: dict[str, str] | None = None) -> JsonObject:
         """The construction plan: each object's place, extent and relative depth in the photo."""
-        known = _needed(evidence)
-        made = construction_plan(known, structures_of(known, _structures(structures)))
+        known = _require_evidence(evidence)
+        made = construction_plan(known, assign_structures(known, _structures(structures)))
         return answer(case, plan=as_json(made), markdown=plan_markdown(made))
 
 
-def _needed(evidence: Evidence | None) -> Evidence:
+def _require_evidence(evidence: Evidence | None) -> Evidence:
     if evidence is None:
         raise UsageError(
             "there is no evidence of the photo",
@@ -66,5 +70,5 @@ def _needed(evidence: Evidence | None) -> Evidence:
 def _structures(given: dict[str, str] | None) -> dict[str, Structure] | None:
     if given is None:
         return None
-    made: dict[str, Structure] = typed(dict[str, Structure], given)
+    made: dict[str, Structure] = decode_arguments(dict[str, Structure], given)
     return made

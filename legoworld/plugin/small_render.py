@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.opened import CardRender, card_request
+from legoworld.scene.open_scene import CardRender, card_request
 from legoworld.scene.pictures import decoded_picture
 
 #: Cycles, few samples, no denoising: noise averages out over a region.

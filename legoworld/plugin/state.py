@@ -88,10 +88,10 @@ def scene_state(
         geometry_signature=content_sha256,
         scene_signature="",
     )
-    return msgspec.structs.replace(unsigned, scene_signature=signature_of(unsigned))
+    return msgspec.structs.replace(unsigned, scene_signature=compute_signature(unsigned))
 
 
-def signature_of(state: SceneState) -> str:
+def compute_signature(state: SceneState) -> str:
     """The scene signature of a state, whatever it says itself."""
     import msgspec
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.readouts.surface import VisibleSurface
-from legoworld.scene.affine import cam_from_mesh, cross, dot, length, transformed, unit
+from legoworld.scene.affine import cam_from_mesh, cross, dot, length, transform_points, unit
 from legoworld.scene.snapshot import Snapshot
 
 #: A mesh is flat when no vertex is further from its plane than this share of its extent.
@@ -64,7 +64,7 @@ def _tilt_deg(snapshot: Snapshot, surface: int) -> float | None:
     begin, end = snapshot.vertex_start[mesh], snapshot.vertex_start[mesh + 1]
     first, last = snapshot.triangle_start[mesh], snapshot.triangle_start[mesh + 1]
     placed = cam_from_mesh(snapshot.camera, snapshot.world_from_mesh[surface : surface + 1])[0]
-    points = transformed(placed, snapshot.vertices[begin:end].astype(np.float64))
+    points = transform_points(placed, snapshot.vertices[begin:end].astype(np.float64))
     corners = points[snapshot.triangles[first:last]]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = length(normals)

@@ -12,14 +12,14 @@ from legoworld.visibility.runs import ColumnRuns
 from legoworld.visibility.view import View
 
 
-def exported(instances: Sequence[Instance], view: View) -> list[Instance]:
+def select_exported(instances: Sequence[Instance], view: View) -> list[Instance]:
     """The exported instances: in the vocabulary, with at least one visible pixel."""
     return [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
 
 
 def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
     """COCO box results of one image, in canonical order: category id, then the box's numbers."""
-    found = [(i, bbox_xywh_px(view, i.id)) for i in exported(instances, view)]
+    boxes = [(i, bbox_xywh_px(view, i.id)) for i in select_exported(instances, view)]
     return [
         (
             Prediction(
@@ -30,7 +30,7 @@ def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> lis
             ),
             instance,
         )
-        for instance, box in sorted(found, key=lambda f: (_category_id(f[0]), f[1]))
+        for instance, box in sorted(boxes, key=lambda f: (_category_id(f[0]), f[1]))
     ]
 
 
@@ -40,7 +40,7 @@ def mask_exports(image_id: int, instances: Sequence[Instance], view: View) -> li
     Without bbox: the official evaluators would use the box's area as the mask's.
     """
     runs = ColumnRuns(view.buffers.instance, len(view.area_px))
-    found = [(i, runs.counts(i.id)) for i in exported(instances, view)]
+    masks = [(i, runs.counts(i.id)) for i in select_exported(instances, view)]
     return [
         (
             Prediction(
@@ -51,7 +51,7 @@ def mask_exports(image_id: int, instances: Sequence[Instance], view: View) -> li
             ),
             instance,
         )
-        for instance, counts in sorted(found, key=lambda f: (_category_id(f[0]), f[1]))
+        for instance, counts in sorted(masks, key=lambda f: (_category_id(f[0]), f[1]))
     ]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legoworld.cards import Card
-from legoworld.records.folders.run_reading import ROWS, RunDamagedError
+from legoworld.records.folders.read_run import ROWS, RunDamagedError
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow

@@ -77,7 +77,7 @@ def accepted_synonyms(vocabulary: Vocabulary) -> dict[str, str]:
     names = {normal_name(c.name) for c in vocabulary.categories}
     category_of = {}
     for category in vocabulary.categories:
-        for synonym in (*category.synonyms, *vocabulary.bare_words_of(category)):
+        for synonym in (*category.synonyms, *vocabulary.list_bare_words(category)):
             matched = vocabulary.match(synonym)
             if normal_name(synonym) not in names and matched is not None:
                 category_of[synonym] = matched.name
@@ -161,7 +161,7 @@ def _example(
 
 
 def _labels_file(protocol: Protocol, example: Mapping[str, str] | None) -> Mapping[str, Any] | None:
-    rules = protocol.card.declared.vocabulary
+    rules = protocol.card.record.vocabulary
     if example is None or rules is None:
         return None
     key = rules.property

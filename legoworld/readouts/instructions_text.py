@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import textwrap
 
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.readouts.instructions import Instructions
 
 
-def instructions_text(told: Instructions) -> str:
+def instructions_text(instructions: Instructions) -> str:
     """What a scene's author needs to know, and nothing private. Ends with a newline."""
-    task, card = told.protocol.task.name, told.protocol.card
-    lines = [f"# How to write a scene for {task}: {card.declared.readout.title} ({card.version})"]
-    for section in told.sections:
+    task, card = instructions.protocol.task.name, instructions.protocol.card
+    lines = [f"# How to write a scene for {task}: {card.record.readout.title} ({card.version})"]
+    for section in instructions.sections:
         lines.append(f"\n## {section.title}")
-        lines += [_wrapped(statement, "- ", "  ") for statement in section.statements]
-    if told.protocol.vocabulary is not None:
-        names = [c.name for c in told.protocol.vocabulary.categories]
-        lines.append(f"\n## Vocabulary: {counted(len(names), 'name', 'names')}")
-        lines.append(_wrapped(", ".join(names), "", ""))
+        lines += [_wrap_text(statement, "- ", "  ") for statement in section.statements]
+    if instructions.protocol.vocabulary is not None:
+        names = [c.name for c in instructions.protocol.vocabulary.categories]
+        lines.append(f"\n## Vocabulary: {plural(len(names), 'name', 'names')}")
+        lines.append(_wrap_text(", ".join(names), "", ""))
     return "\n".join(lines) + "\n"
 
 
-def _wrapped(text: str, first: str, others: str) -> str:
+def _wrap_text(text: str, first: str, others: str) -> str:
     return textwrap.fill(
         text,
         width=100,

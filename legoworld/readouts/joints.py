@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.files import Json, as_unicode
 from legoworld.records.articulation import JOINT_TYPES, JointType, SceneJoint, Vector
-from legoworld.scene.affine import cam_from_mesh, transformed, unit
+from legoworld.scene.affine import cam_from_mesh, transform_points, unit
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.requests import JointFact
 from legoworld.scene.side_files import bytes_beside
@@ -68,7 +68,7 @@ def scene_joints(
 
 def part_surfaces(snapshot: Snapshot, part: str) -> NDArray[np.int64]:
     """Surfaces of an object and its descendants, what they instance included, ascending."""
-    return _Scene(snapshot).surfaces_of(part)
+    return _Scene(snapshot).descendant_surfaces(part)
 
 
 def parsed_property(name: str, text: str) -> dict[str, Any]:
@@ -163,19 +163,19 @@ class _Scene:
         origin; a link that is no object keeps its own name and has no geometry.
         """
         root = self._root(robot.root)
-        found = []
+        joints = []
         for joint in robot.joints:
             part = self._object(joint.child) or joint.child
             link = np.array(joint.root_from_joint, np.float64)
             rows = np.empty((3, 4))
-            rows[:, :3] = transformed(root, link[:, :3].T, directions=True).T
-            rows[:, 3] = transformed(root, link[:, 3] / self._metres)
-            found.append(
+            rows[:, :3] = transform_points(root, link[:, :3].T, directions=True).T
+            rows[:, 3] = transform_points(root, link[:, 3] / self._metres)
+            joints.append(
                 self._joint(
                     part, source, rows, joint.type, joint.axis, _ORIGIN, joint.lower, joint.upper
                 )
             )
-        return found
+        return joints
 
     def _object(self, link: str) -> str | None:
         return link if link in self._index else self._by_normal_name.get(normal_name(link))
@@ -198,8 +198,8 @@ class _Scene:
         snapshot = self._snapshot
         at_scene = snapshot.occurrence_instancer[snapshot.surface_occurrence] < 0
         own = snapshot.occurrence_object[snapshot.surface_occurrence] == self._index[name]
-        found = np.flatnonzero(own & at_scene)
-        return snapshot.world_from_mesh[found[0]] if len(found) else None
+        placements = np.flatnonzero(own & at_scene)
+        return snapshot.world_from_mesh[placements[0]] if len(placements) else None
 
     def _joint(
         self,
@@ -214,8 +214,8 @@ class _Scene:
     ) -> SceneJoint:
         camera = self._snapshot.camera
         cam_from_joint = cam_from_mesh(camera, world_from_joint[None])[0]
-        along = transformed(cam_from_joint, np.array(axis), directions=True)
-        at = transformed(cam_from_joint, np.array(origin)) * self._metres
+        along = transform_points(cam_from_joint, np.array(axis), directions=True)
+        at = transform_points(cam_from_joint, np.array(origin)) * self._metres
         box = self._box(part)
         return SceneJoint(
             part=as_unicode(part),
@@ -231,18 +231,18 @@ class _Scene:
     def _box(self, part: str) -> F64 | None:
         """(2, 3) corners, camera frame, metres, of a part's vertices; None without any."""
         snapshot = self._snapshot
-        surfaces = self.surfaces_of(part)
+        surfaces = self.descendant_surfaces(part)
         placed = cam_from_mesh(snapshot.camera, snapshot.world_from_mesh[surfaces])
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         for matrix, mesh in zip(placed, snapshot.surface_mesh[surfaces].tolist(), strict=True):
             begin, end = snapshot.vertex_start[mesh], snapshot.vertex_start[mesh + 1]
-            points = transformed(matrix, snapshot.vertices[begin:end].astype(np.float64))
+            points = transform_points(matrix, snapshot.vertices[begin:end].astype(np.float64))
             if len(points):
                 low = np.minimum(low, points.min(axis=0))
                 high = np.maximum(high, points.max(axis=0))
         return np.stack([low, high]) * self._metres if (low <= high).all() else None
 
-    def surfaces_of(self, part: str) -> NDArray[np.int64]:
+    def descendant_surfaces(self, part: str) -> NDArray[np.int64]:
         """Surfaces of an object and its descendants, what they instance included, ascending."""
         snapshot = self._snapshot
         if part not in self._index:

@@ -23,16 +23,16 @@ class Protocol:
     @property
     def override_property(self) -> str | None:
         """The custom property that overrides `category` in this task."""
-        rules = self.card.declared.vocabulary
+        rules = self.card.record.vocabulary
         return rules.override_property if rules else None
 
     @property
     def readout(self) -> ReadoutFamily:
         """How answers of this kind are read."""
-        return readout_of(self.task)
+        return load_readout_family(self.task)
 
 
-def readout_of(task: Task) -> ReadoutFamily:
+def load_readout_family(task: Task) -> ReadoutFamily:
     """The readout of a task's family."""
     return task.family.load("readout", ReadoutFamily)
 
@@ -41,7 +41,7 @@ def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
     """A task's protocol; a track's own categories override the shipped vocabulary."""
     task = task_named(name)
     card = load_card(name)
-    rules = card.declared.vocabulary
+    rules = card.record.vocabulary
     if rules is None:
         return Protocol(task=task, card=card, vocabulary=None)
     vocabulary = track_vocabulary or load(catalog.folder("datasets") / rules.file)

@@ -68,7 +68,7 @@ def visible_surface(
     buffers = surfaces_through(seen, snapshot, raster_wh, threads=threads)
     own = projection(camera, snapshot.render, size_wh)
     own_seen, own_depth = None, None
-    if own_intrinsics and camera.type == "PERSP" and not _same(own, pinhole):
+    if own_intrinsics and camera.type == "PERSP" and not _is_same_projection(own, pinhole):
         own_seen = on_raster(own, size_wh, raster_wh)
         own_depth = surfaces_through(own_seen, snapshot, raster_wh, threads=threads).depth_z_m
     return VisibleSurface(
@@ -86,7 +86,7 @@ def _nearest(camera: SceneCamera) -> float:
     return camera.clip_start if camera.type == "PERSP" else max(camera.clip_start, _NEAREST)
 
 
-def _same(a: Projection, b: Projection) -> bool:
+def _is_same_projection(a: Projection, b: Projection) -> bool:
     return all(
         math.isclose(getattr(a, name), getattr(b, name), rel_tol=_SAME)
         for name in ("fx", "fy", "cx", "cy")

@@ -68,7 +68,7 @@ def decode(kind: type[_T], data: bytes | str) -> _T:
     Raises RecordError for what is not JSON (NaN, infinity and halves of surrogate pairs are not)
     and for a value of another type, with its place: "expected int, got str at $.images[3].id".
     """
-    return _decoded(_decoder(kind), data)
+    return _decode(_decoder(kind), data)
 
 
 def decode_foreign(kind: type[_T], data: bytes | str, *, levels: int) -> _T:
@@ -76,7 +76,7 @@ def decode_foreign(kind: type[_T], data: bytes | str, *, levels: int) -> _T:
 
     levels: how deep lists and objects may be nested.
     """
-    document = _decoded(_ANYTHING, data)
+    document = _decode(_ANYTHING, data)
     if _nested_beyond(levels, document):
         raise RecordError(f"lists or objects are nested beyond {levels} levels")
     return to_record(kind, document)
@@ -98,7 +98,7 @@ def read_json(data: bytes) -> Any:
     return value
 
 
-def _decoded(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
+def _decode(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
     if isinstance(data, bytes):
         data = data.removeprefix(codecs.BOM_UTF8)
     try:
@@ -106,7 +106,7 @@ def _decoded(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
     except msgspec.ValidationError as error:
         raise RecordError(_sentence(str(error))) from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RecordError(_malformed(data)) from error
+        raise RecordError(_describe_malformed(data)) from error
     except RecursionError as error:
         raise RecordError("lists or objects are nested too deeply") from error
 
@@ -200,7 +200,7 @@ def _sentence(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def _malformed(data: bytes | str) -> str:
+def _describe_malformed(data: bytes | str) -> str:
     """Why a text is not JSON, by line and column where Python's reader can tell."""
     try:
         text = data if isinstance(data, str) else utf8_text(data)

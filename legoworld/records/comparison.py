@@ -165,7 +165,7 @@ class JoinedComparison(Record, frozen=True, kw_only=True, tag_field="kind", tag=
     notes: tuple[str, ...]
 
 
-def comparison_of(data: bytes) -> Comparison | JoinedComparison:
+def decode_comparison(data: bytes) -> Comparison | JoinedComparison:
     """The content of a comparison.json. RecordError."""
     kind: Any = Comparison | JoinedComparison
     comparison: Comparison | JoinedComparison = decode(kind, data)

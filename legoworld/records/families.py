@@ -14,7 +14,7 @@ from legoworld.records.evidence import (
     EvaluationEvidence,
     MethodEvidence,
 )
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +36,9 @@ class _OfTask(Record, frozen=True, kw_only=True):
     task: str
 
 
-def records_of(task: str) -> RecordFamily:
+def load_record_family(task: str) -> RecordFamily:
     """The records of a task. UsageError, InstallationError."""
-    return family_of(task).load("records", RecordFamily)
+    return find_family(task).load("records", RecordFamily)
 
 
 def decode_summary(data: bytes) -> Summary:
@@ -53,12 +53,12 @@ def decode_evidence(data: bytes) -> EvaluationEvidence:
 
 def decode_rows(data: bytes, summary: Summary) -> Sequence[EvaluationRow]:
     """The lines of a per_image.jsonl, by the task of its summary. RecordError."""
-    return records_of(summary.task).rows(data)
+    return load_record_family(summary.task).rows(data)
 
 
 def _records_in(data: bytes) -> RecordFamily:
     task = decode(_OfTask, data).task
     try:
-        return records_of(task)
+        return load_record_family(task)
     except LegoWorldError as error:
         raise RecordError(str(error)) from error

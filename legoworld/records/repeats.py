@@ -8,7 +8,7 @@ from typing import TypeVar
 T = TypeVar("T", bound=Hashable)
 
 
-def repeated(values: Iterable[T]) -> list[T]:
+def find_repeated(values: Iterable[T]) -> list[T]:
     """Each value that occurs more than once, in the order of first occurrences; in linear time."""
     times: dict[T, int] = {}
     for value in values:

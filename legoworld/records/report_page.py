@@ -31,7 +31,7 @@ class FactTable(Record, frozen=True, kw_only=True):
     rows: tuple[tuple[str, ...], ...]
 
 
-class Drawn(Record, frozen=True, kw_only=True):
+class DrawnTruth(Record, frozen=True, kw_only=True):
     """A truth as it is drawn.
 
     c: category id; box: x, y, w, h; where masks are scored, one of rle (pycocotools' compressed
@@ -44,7 +44,7 @@ class Drawn(Record, frozen=True, kw_only=True):
     polygons: tuple[tuple[int | float, ...], ...] | UnsetType = UNSET
 
 
-class DrawnPrediction(Drawn, frozen=True, kw_only=True):
+class DrawnPrediction(DrawnTruth, frozen=True, kw_only=True):
     """A prediction. s: score; o: outcome at IoU 0.5; k: error kind; t: truth meant; i: IoU.
 
     n: what the scene calls it; m: its objects, by their names in scene.glb.
@@ -122,7 +122,7 @@ class DetectionPageView(PageView, frozen=True, kw_only=True):
     """A photo of boxes or masks."""
 
     sides: tuple[DetectionAnswer, ...]
-    truths: tuple[Drawn, ...]
+    truths: tuple[DrawnTruth, ...]
 
     @property
     def categories(self) -> set[int]:

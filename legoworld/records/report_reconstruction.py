@@ -5,10 +5,10 @@ from __future__ import annotations
 from legoworld.records.base import Record
 from legoworld.records.reconstruction_leaderboard import Leaderboard
 from legoworld.records.reconstruction_rows import FlagKind, PrecisionRecall
-from legoworld.records.report_page import Answer, Drawn, PageView, PhotoCell, PhotoRow
+from legoworld.records.report_page import Answer, DrawnTruth, PageView, PhotoCell, PhotoRow
 
 
-class BenchObject(Drawn, frozen=True, kw_only=True):
+class BenchObject(DrawnTruth, frozen=True, kw_only=True):
     """A scored object where the reference shows it, in raster pixels. n: its name."""
 
     n: str

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.evaluation.detection.inputs.masks import overlaps
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import Advice, DrawnPrediction
 from legoworld.records.run_rows import RunRow
@@ -43,9 +43,9 @@ _UNSEEN: Final = {
 }
 
 
-def sorted_advice(found: Sequence[Advice]) -> tuple[Advice, ...]:
+def sorted_advice(advice: Sequence[Advice]) -> tuple[Advice, ...]:
     """The costly first."""
-    return tuple(sorted(found, key=lambda a: _ORDER.index(a.level)))
+    return tuple(sorted(advice, key=lambda a: _ORDER.index(a.level)))
 
 
 def detection_advice(
@@ -55,9 +55,9 @@ def detection_advice(
     advice = failure_advice(side.run_row)
     if not advice:
         parts = parts_of_truths(task, image, side)
-        advice += _missed(task, image, side, names, parts)
+        advice += _advise_missed(task, image, side, names, parts)
         advice += _parts(image, parts, names) + _false(task, image, side, names, parts)
-        advice += _loose(image, side, names) + _counted(side)
+        advice += _loose(image, side, names) + _advise_uncounted(side)
         if scene:
             advice += _labels(side.run_row)
     if not scene:
@@ -75,7 +75,7 @@ def failure_advice(run_row: RunRow) -> list[Advice]:
     return [Advice(level="bad", what=f"no output ({run_row.status}): {what}", do=do)]
 
 
-def _missed(
+def _advise_missed(
     task: str,
     image: DetectionImage,
     side: SideImage,
@@ -95,16 +95,16 @@ def _missed(
             by_name.setdefault(name, []).append(g)
         else:
             iou = side.errors.cover_iou[g] or 0.0
-            one = _covered(task, name, side.entries[cover], names, iou)
+            one = _advise_covered(task, name, side.entries[cover], names, iou)
             advice.append(replace(one, truths=(g,), predictions=(cover,)))
     unlabelled = [u.name for u in side.run_row.unlabelled or ()]
     for name, missed in sorted(by_name.items(), key=lambda x: (-len(x[1]), x[0])):
         alike = [u for u in unlabelled if _alike(name, u)]
         written = [u.label for u in side.run_row.unmatched or () if _alike(name, u.label)]
         if written:
-            do = f"the label {_quoted(written)} is not in the vocabulary: write {name!r}"
+            do = f"the label {_quote_names(written)} is not in the vocabulary: write {name!r}"
         elif alike:
-            do = f"{_quoted(alike)} has no category: if that is it, set category = {name}"
+            do = f"{_quote_names(alike)} has no category: if that is it, set category = {name}"
         else:
             do = (
                 "build it, or label the object that shows it (`legoworld inspect` lists objects "
@@ -123,7 +123,7 @@ def _missed(
     return advice
 
 
-def _covered(
+def _advise_covered(
     task: str, name: str, entry: ShownPrediction, names: Mapping[int, str], iou: float
 ) -> Advice:
     """A missed truth where a prediction stands that the evaluator does not count."""
@@ -159,9 +159,9 @@ def _false(
     """A finding of every false positive that is no part, the same ones together."""
     by_advice: dict[Advice, list[int]] = {}
     about: dict[Advice, list[int]] = {}
-    told = {d for p in parts for d in p.predictions}
+    advised = {d for p in parts for d in p.predictions}
     for d, p in enumerate(drawn_predictions(task, image, side)):
-        if p.k is None or d in told:
+        if p.k is None or d in advised:
             continue
         t = p.t
         truth = None if t is None else image.truths[t]
@@ -270,15 +270,15 @@ def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> 
     ]
 
 
-def _counted(side: SideImage) -> list[Advice]:
+def _advise_uncounted(side: SideImage) -> list[Advice]:
     row = side.row
     advice = []
     if row.n_unverified:
-        are = counted(row.n_unverified, "prediction is", "predictions are")
+        are = plural(row.n_unverified, "prediction is", "predictions are")
         what = f"{are} of categories that are not annotated in this image"
         advice.append(Advice(level="note", what=f"{what}: LVIS does not count them"))
     if row.n_lost_to_cap:
-        are = counted(row.n_lost_to_cap, "prediction is", "predictions are")
+        are = plural(row.n_lost_to_cap, "prediction is", "predictions are")
         what = f"{are} beyond the evaluator's cap"
         advice.append(Advice(level="warn", what=what, do="export fewer objects"))
     return advice
@@ -298,7 +298,7 @@ def _labels(run_row: RunRow) -> list[Advice]:
         advice.append(Advice(level="warn", what=what, do=_UNSEEN.get(one.reason, "")))
     nested = run_row.nested
     if nested and nested.instances:
-        are = counted(nested.instances, "instance is", "instances are")
+        are = plural(nested.instances, "instance is", "instances are")
         what = f"{are} nested in another: {nested.px} px"
         advice.append(Advice(level="note", what=f"{what} are cut out of the outer one"))
     return advice
@@ -328,5 +328,5 @@ def _words(name: str) -> list[str]:
     return [w.removesuffix("s") if len(w) > 3 else w for w in words]
 
 
-def _quoted(names: Sequence[str]) -> str:
+def _quote_names(names: Sequence[str]) -> str:
     return ", ".join(repr(n) for n in names[:3])

@@ -50,12 +50,12 @@ def depth_view(views: Sequence[DepthView | None]) -> DepthDrawing | None:
         error_m=float(np.percentile(errors, _LIMITS_PERCENT[1])) if len(errors) else 0.0,
         z0_m=z0_m,
         step=step,
-        truth=encoded(truth, z0_m, step),
-        aligned=tuple(None if a is None else encoded(a, z0_m, step) for a in aligned),
+        truth=encode_depth(truth, z0_m, step),
+        aligned=tuple(None if a is None else encode_depth(a, z0_m, step) for a in aligned),
     )
 
 
-def encoded(z_m: F32, z0_m: float, step: float) -> str:
+def encode_depth(z_m: F32, z0_m: float, step: float) -> str:
     """Depths as uint16 codes, equal ratios apart; within half a step of the logarithm."""
     codes = np.full(z_m.shape, NO_DEPTH, "<u2")
     known = np.isfinite(z_m) & (z_m > 0)

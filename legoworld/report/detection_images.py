@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted
+from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.records.evaluation_view import (
     ShownPrediction,
@@ -49,7 +49,7 @@ class SideImage:
         return 2 * measures.quality_sum / total if total else None
 
     @property
-    def missed(self) -> int:
+    def n_missed(self) -> int:
         """False negatives at IoU 0.5: scored truths without a true positive."""
         return sum(state in ("missed", "reached") for state in self.errors.truth)
 
@@ -63,7 +63,7 @@ class DetectionImage:
     sides: tuple[SideImage, ...]
 
 
-def detection_images(sides: Sequence[Evaluated]) -> Iterator[DetectionImage]:
+def detection_images(sides: Sequence[StoredEvaluation]) -> Iterator[DetectionImage]:
     """The photos of a section's track, ascending id, one at a time."""
     truth = sides[0].truth_view()
     truths = _by_image(truth.annotations)
@@ -98,20 +98,20 @@ def _errors(
         category=np.array([p.category_id for p in predictions], np.int64),
         score=np.array([p.score for p in predictions], np.float64),
         truth_category=np.array([t.category_id for t in truths], np.int64),
-        ignored=np.array([_ignored(task, t) for t in truths], bool),
+        ignored=np.array([_is_ignored(task, t) for t in truths], bool),
         iou=_overlaps(task, image, truths, predictions),
     )
     if outcome.count("tp") != sum(f is not None for f in errors.finder):
         raise ReportInputError(
             f"view/ does not repeat the matches of image {image.id}",
-            found=f"{counted(sum(f is not None for f in errors.finder), 'truth', 'truths')} found",
+            found=f"{plural(sum(f is not None for f in errors.finder), 'truth', 'truths')} found",
             expected=f"{outcome.count('tp')} true positives",
             next_step="evaluate again",
         )
     return errors
 
 
-def _ignored(task: str, truth: TrueAnnotation) -> bool:
+def _is_ignored(task: str, truth: TrueAnnotation) -> bool:
     """What neither scores nor is missed: COCO's crowds; LVIS's ignored and empty truths."""
     if not detection_protocol(task).federated:
         return bool(truth.iscrowd)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.report_page import (
     DetectionAnswer,
     DetectionCell,
@@ -131,7 +131,7 @@ def _view(
 def _answer(
     task: str,
     image: DetectionImage,
-    side: Evaluated,
+    side: StoredEvaluation,
     answer: SideImage,
     names: Mapping[int, str],
     document: PageDocument,
@@ -157,7 +157,7 @@ def _row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
                 quality=side.quality,
                 tp=side.row.greedy_50.tp,
                 fp=side.row.greedy_50.fp,
-                fn=side.missed,
+                fn=side.n_missed,
                 errors=tuple(sorted(set(_errors(image, side)))),
                 advice=drawn.advice[0].what if drawn.advice else "",
                 findings=sum(a.level == "bad" for a in drawn.advice),

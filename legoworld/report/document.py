@@ -7,9 +7,9 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.family import load_evaluation_family
 from legoworld.records.report_tables import PageSection, SideHead, SideNotes
-from legoworld.report.family import page_of
+from legoworld.report.family import load_page_family
 from legoworld.report.first_screen import first_screen
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.provenance import compare_command, provenance
@@ -37,7 +37,7 @@ def page_document(
     for section in sections:
         made = _section_tables(section)
         if section.sides:
-            fill = page_of(section.task).fill
+            fill = load_page_family(section.task).fill
             made = fill(section, made, document, places) if fill else replace(made, names={})
         document.sections.append(made)
     return document
@@ -76,7 +76,7 @@ def _section_tables(section: Section) -> PageSection:
         partial=tuple(s.name for s in sides if s.summary.partial),
         numbers=tuple(tables if specialist else map(without_specialist, tables)),
         notes=tuple(
-            SideNotes(label=s.name, lines=tuple(evaluation_of(s.task).notes(s.summary)))
+            SideNotes(label=s.name, lines=tuple(load_evaluation_family(s.task).notes(s.summary)))
             for s in sides
         ),
         provenance=tuple(provenance(s) for s in sides),

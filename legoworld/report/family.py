@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from legoworld.records.report_tables import PageSection
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 
 if TYPE_CHECKING:
     from legoworld.report.page_content import PageDocument, Photos
@@ -29,6 +29,6 @@ class PageFamily:
     by_folder: bool = False
 
 
-def page_of(task: str) -> PageFamily:
+def load_page_family(task: str) -> PageFamily:
     """The page of a task. UsageError, InstallationError."""
-    return family_of(task).load("page", PageFamily)
+    return find_family(task).load("page", PageFamily)

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from legoworld.comparison.verdict import headline_rows, noun, standing, verdict_sentence
-from legoworld.evaluation.stored import Evaluated
+from legoworld.comparison.verdict import classify_difference, headline_rows, noun, verdict_sentence
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.evaluation_rows import Outcome
 from legoworld.records.report_summary import (
     Cost,
@@ -58,7 +58,9 @@ def _verdicts(section: Section) -> Iterator[Verdict]:
     if section.comparison is not None:
         for pair in section.comparison.pairs:
             sentence = verdict_sentence(section.task, pair)
-            yield Verdict(sentence=f"{sentence}.", standing=standing(headline_rows(pair)[0]))
+            yield Verdict(
+                sentence=f"{sentence}.", standing=classify_difference(headline_rows(pair)[0])
+            )
         return
     for side in section.sides:
         sentence = evaluated_sentence(noun(side.task, side.name), side.summary)
@@ -89,7 +91,7 @@ def _costs(
     return SideCosts(label=label, n=counts.total(), most=most)
 
 
-def _coverage(side: Evaluated) -> CoverageBar:
+def _coverage(side: StoredEvaluation) -> CoverageBar:
     """Every image once: with a score, scored without a prediction, or failed and why."""
     parts: Counter[Outcome] = Counter()
     for row in side.rows:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from legoworld.comparison.family import comparison_of_task
 from legoworld.comparison.tables import over_text
-from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import MetricRow
 from legoworld.records.comparison import (
     Better,
@@ -20,7 +20,7 @@ from legoworld.records.comparison import (
 )
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.report_summary import ForestRow, Span
-from legoworld.report.family import page_of
+from legoworld.report.family import load_page_family
 from legoworld.tables.table import line
 
 
@@ -36,14 +36,14 @@ def forest_rows(
 
 def evaluated_sentence(name: str, summary: Summary) -> str:
     """One evaluation's first metric with its denominators, as a sentence."""
-    metric, label = next(iter(page_of(summary.task).forest.items()))
+    metric, label = next(iter(load_page_family(summary.task).forest.items()))
     row = _by_id(summary)[metric]
     value = line(replace(row.number, digits=3)) if row.number.value is not None else "undefined"
     return f"{name}: {label} {value} over {row.over}."
 
 
 def _by_id(summary: Summary) -> dict[str, MetricRow]:
-    parts = evaluation_of(summary.task).metrics(summary)
+    parts = load_evaluation_family(summary.task).metrics(summary)
     return {row.id: row for part in parts for row in part.rows}
 
 
@@ -55,7 +55,7 @@ def _rows(
         metric.id: metric.better for metric in comparison_of_task(task).metrics(task)
     }
     found = [_by_id(side) for side in sides]
-    for metric, name in page_of(task).forest.items():
+    for metric, name in load_page_family(task).forest.items():
         compared = [_row(pair, metric) for pair in pairs]
         spans = [_evaluated(side.get(metric)) for side in found]
         if not sides and compared and compared[0]:

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.tables import Document, comparisons_of, headline_blocks
+from legoworld.comparison.tables import Document, headline_blocks, list_comparisons
 from legoworld.comparison.verdict import noun, verdict_sentence
-from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import metric_tables
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.instances import InstanceRow
@@ -38,14 +38,14 @@ def evaluation_html(summary: Summary) -> str:
     name = "scene" if summary.kind == "scene" else f"{summary.kind or 'baseline'}"
     sentence = evaluated_sentence(noun(summary.task, name), summary)
     rows = forest_rows(summary.task, [summary], None)
-    tables = metric_tables([("", evaluation_of(summary.task).metrics(summary))])
+    tables = metric_tables([("", load_evaluation_family(summary.task).metrics(summary))])
     return _block([sentence], _forest(rows, [name]), _statuses(summary) + _numbers(tables))
 
 
 def comparison_html(document: Document) -> str:
     """A comparison: the verdict of every pair, both sides' metrics, and the differences."""
     parts = []
-    for one in comparisons_of(document):
+    for one in list_comparisons(document):
         sentences = [f"{verdict_sentence(one.task, pair)}." for pair in one.pairs]
         labels = [one.pairs[0].scene, *(pair.baseline for pair in one.pairs)] if one.pairs else []
         parts.append(_block(sentences, _forest(forest_rows(one.task, [], one), labels), ""))
@@ -107,7 +107,7 @@ def _forest(rows: Sequence[ForestRow], labels: Sequence[str]) -> str:
     parts += _legend(labels)
     for share in (0, 0.25, 0.5, 0.75, 1):
         parts += _tick(_LEFT + share * _WIDTH, f"{share:g}", high)
-    reach = max([0.1, *(abs(v) for row in rows for d in row.differences for v in _known(d))])
+    reach = max([0.1, *(abs(v) for row in rows for d in row.differences for v in _known_values(d))])
     middle = _LEFT + _WIDTH + _GAP + _DIFFERENCE / 2
     if compared:
         for at in (-reach, 0, reach):
@@ -117,7 +117,7 @@ def _forest(rows: Sequence[ForestRow], labels: Sequence[str]) -> str:
         parts.append(f'<text x="0" y="{y + 4}">{html.escape(row.name)}</text>')
         for k, span in enumerate(row.sides):
             at = y + (k - (len(row.sides) - 1) / 2) * 9
-            x = [_LEFT + min(max(v, 0), 1) * _WIDTH for v in _known(span)]
+            x = [_LEFT + min(max(v, 0), 1) * _WIDTH for v in _known_values(span)]
             parts += _interval(x, at, _COLOURS[min(k, 2)])
             if span and span.value is not None:
                 parts.append(
@@ -126,14 +126,14 @@ def _forest(rows: Sequence[ForestRow], labels: Sequence[str]) -> str:
                 )
         for k, span in enumerate(row.differences):
             at = y + (k - (len(row.differences) - 1) / 2) * 9
-            known = _known(span)
+            known = _known_values(span)
             apart = len(known) == 3 and (known[1] > 0 or known[2] < 0)
             x = [middle + v / reach * (_DIFFERENCE / 2 - 20) for v in known]
             parts += _interval(x, at, _APART if apart else _SOFT)
     return "".join([*parts, "</svg>"])
 
 
-def _known(span: Span | None) -> list[float]:
+def _known_values(span: Span | None) -> list[float]:
     """Value, low and high; the value alone where there is no interval; nothing without one."""
     if span is None or span.value is None:
         return []

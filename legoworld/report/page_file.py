@@ -15,8 +15,8 @@ from markupsafe import Markup
 from legoworld.files import write_text
 from legoworld.records.base import Storable, canonical
 from legoworld.records.report_tables import PageSection
-from legoworld.report.beside import refuse_others, write_beside
 from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
+from legoworld.report.page_assets import refuse_others, write_assets
 from legoworld.report.page_content import PageDocument
 from legoworld.report.page_script import SCRIPTS, page_script
 from legoworld.report.tables import NO_SPECIALIST, tasks_table
@@ -49,7 +49,7 @@ class WrittenPage:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Beside:
+class PageAssets:
     """What lies in a folder next to the page."""
 
     folder: str
@@ -68,14 +68,14 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
     views = [script_json(view) for view in document.views]
     pictures = [p for kind in document.pictures.values() for p in kind]
     n_bytes = sum(map(len, views)) + sum(len(p) * 4 // 3 for p in pictures)
-    beside = Beside(
+    beside = PageAssets(
         folder=f"{path.stem}_files",
         pictures=len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES,
         scenes=sum(map(len, document.scenes.glbs)) * 4 // 3 > EMBEDDED_SCENE_BYTES,
     )
     folder = path.with_name(beside.folder)
     if beside.any:
-        write_beside(
+        write_assets(
             folder,
             views=views if beside.pictures else (),
             pictures=document.pictures if beside.pictures else {},
@@ -89,7 +89,7 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
 
 
 def page_text(
-    document: PageDocument, views: Sequence[str], *, beside: Beside, commands: Sequence[str]
+    document: PageDocument, views: Sequence[str], *, beside: PageAssets, commands: Sequence[str]
 ) -> str:
     """The HTML, with views, photos, renders and scenes in it or beside it."""
     script = page_script()
@@ -124,7 +124,7 @@ def page_text(
     )
 
 
-def _data(document: PageDocument, beside: Beside) -> dict[str, Any]:
+def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:
     """What the scripts start with; records.d.ts calls it PageData."""
     return {
         "sections": [_for_scripts(section) for section in document.sections],

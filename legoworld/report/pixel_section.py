@@ -10,7 +10,7 @@ from typing import Any, Protocol, cast
 
 from msgspec.structs import replace
 
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.pixels import PixelRow
 from legoworld.records.report_page import Advice, Answer, PageView, PhotoCell, PhotoRow
 from legoworld.records.report_summary import Plots
@@ -123,7 +123,9 @@ def _view(
     )
 
 
-def _answer(page: PixelPage, side: Evaluated, row: PixelRow, document: PageDocument) -> Answer:
+def _answer(
+    page: PixelPage, side: StoredEvaluation, row: PixelRow, document: PageDocument
+) -> Answer:
     run_row, source = side.run_rows[row.image_id], side.source(row.image_id)
     valid = f"{row.n_valid} px of {row.truth_wh[0]}x{row.truth_wh[1]}"
     return Answer(

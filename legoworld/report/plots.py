@@ -19,7 +19,7 @@ from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import (
     precision_at_recalls,
 )
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.report_summary import DepthError, IouHistogram, PrecisionRecall
 from legoworld.report.detection_images import SideImage
 
@@ -34,7 +34,7 @@ _DEPTH_PERCENT: Final = (10, 50, 90)
 Floats = NDArray[np.float64]
 
 
-def precision_recall(side: Evaluated) -> list[PrecisionRecall]:
+def precision_recall(side: StoredEvaluation) -> list[PrecisionRecall]:
     """The curve under a side's own scores, and under equal ones where those differ."""
     own = _curve(side, OWN, seed=side.detection.ties.seed)
     if side.detection.equal_confidence.already_equal:
@@ -43,7 +43,7 @@ def precision_recall(side: Evaluated) -> list[PrecisionRecall]:
     return [curve for curve in (own, equal) if curve]
 
 
-def _curve(side: Evaluated, policy: str, seed: int) -> PrecisionRecall | None:
+def _curve(side: StoredEvaluation, policy: str, seed: int) -> PrecisionRecall | None:
     """The mean curve at IoU 0.5 with its band; None where no category has ground truth."""
     table = table_from(side.matches, policy)
     scored = table.truths_per_category[AREA_NAMES.index("all")]
@@ -61,9 +61,9 @@ def _curve(side: Evaluated, policy: str, seed: int) -> PrecisionRecall | None:
         label=side.name,
         policy="own scores" if policy == OWN else "equal confidence",
         categories=len(rows),
-        precision=_rounded(_mean_curve(states, rows, table, None)),
-        low=_rounded(low),
-        high=_rounded(high),
+        precision=_round_values(_mean_curve(states, rows, table, None)),
+        low=_round_values(low),
+        high=_round_values(high),
         draws=_ORDERS if tied else 0,
     )
 
@@ -142,7 +142,7 @@ class DepthPixels:
         )
         return DepthError(
             label=label,
-            edges_m=_rounded(edges),
+            edges_m=_round_values(edges),
             n=tuple(len(c) for c in cells),
             low=low,
             median=median,
@@ -150,5 +150,5 @@ class DepthPixels:
         )
 
 
-def _rounded(values: Floats) -> tuple[float, ...]:
+def _round_values(values: Floats) -> tuple[float, ...]:
     return tuple(round(float(v), _PLACES) for v in values)

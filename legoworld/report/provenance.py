@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Final, NotRequired, TypedDict, cast
 
-from legoworld.evaluation.family import evaluation_of
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.family import load_evaluation_family
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.files import Json
 from legoworld.records.base import as_json, canonical
 from legoworld.records.comparison import Comparison
@@ -18,7 +18,7 @@ from legoworld.records.report_page import Facts
 from legoworld.records.report_tables import SideOrigin
 from legoworld.shipped import catalog
 from legoworld.tables.table import Table, Text, table
-from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.dataset_versions import find_dataset
 
 #: Licences of what a score is computed with, by package.
 _LICENCES: Final = {
@@ -34,21 +34,26 @@ _LICENCES: Final = {
 }
 
 
-def provenance(side: Evaluated) -> SideOrigin:
+def provenance(side: StoredEvaluation) -> SideOrigin:
     """What the page says of where one side's numbers come from."""
     return SideOrigin(
         label=side.name,
         folder=side.folder.name,
-        commands=(_made_run(side, _cards()), _evaluated(side)),
+        commands=(_made_run(side, _cards()), _describe_evaluation(side)),
         partial=side.summary.partial,
         tables=tuple(_tables(side, _cards())),
     )
 
 
-def _tables(side: Evaluated, cards: Sequence[DatasetCard]) -> Iterator[Table]:
+def _tables(side: StoredEvaluation, cards: Sequence[DatasetCard]) -> Iterator[Table]:
     evidence, run = side.evidence, side.run
     inputs = [
-        (i.role, _known(cards, i.sha256) or PurePosixPath(i.path).name, i.bytes or "", i.sha256)
+        (
+            i.role,
+            _find_shipped(cards, i.sha256) or PurePosixPath(i.path).name,
+            i.bytes or "",
+            i.sha256,
+        )
         for i in evidence.inputs
     ]
     yield table(("role", "file", "bytes", "sha256"), inputs, title="Inputs")
@@ -89,7 +94,7 @@ class DatasetCard(TypedDict):
     files: NotRequired[Sequence[CardFile]]
 
 
-def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
+def compare_command(comparison: Comparison, sides: Sequence[StoredEvaluation]) -> str:
     """The command that made a comparison of these evaluations."""
     bootstrap = comparison.bootstrap
     names = [side.folder.name for side in sides] or ["EVAL_SCENE", "EVAL_BASELINE"]
@@ -98,10 +103,10 @@ def compare_command(comparison: Comparison, sides: Sequence[Evaluated]) -> str:
     return shlex.join([*words, "-o", "COMPARISON"])
 
 
-def _made_run(side: Evaluated, cards: Sequence[DatasetCard]) -> str:
+def _made_run(side: StoredEvaluation, cards: Sequence[DatasetCard]) -> str:
     configuration = side.run.configuration
     run = _run_name(side)
-    track = _known(cards, configuration.track_sha256 or "") or "TRACK.json"
+    track = _find_shipped(cards, configuration.track_sha256 or "") or "TRACK.json"
     if not side.is_scene:
         name = configuration.baseline or "NAME"
         verb = "import FILE_OR_DIR" if configuration.imported else f"run {_word(name)}"
@@ -120,12 +125,12 @@ def _made_run(side: Evaluated, cards: Sequence[DatasetCard]) -> str:
     return shlex.join([*words, "-o", run])
 
 
-def _evaluated(side: Evaluated) -> str:
+def _describe_evaluation(side: StoredEvaluation) -> str:
     configuration = as_json(side.evidence.configuration)
     truths = [i.path for i in side.evidence.inputs if i.role == "truth"]
     truth = (
         PurePosixPath(truths[0]).name
-        if truths and evaluation_of(side.task).truth_is_file
+        if truths and load_evaluation_family(side.task).truth_is_file
         else "TRUTH"
     )
     words = ["legoworld", "evaluate", _run_name(side), "--truth", truth]
@@ -135,23 +140,25 @@ def _evaluated(side: Evaluated) -> str:
     return shlex.join([*words, "-o", side.folder.name])
 
 
-def _run_name(side: Evaluated) -> str:
+def _run_name(side: StoredEvaluation) -> str:
     path = next(i.path for i in side.evidence.inputs if i.role == "run")
     return PurePosixPath(path).parent.name
 
 
-def _data_licence(side: Evaluated, cards: Sequence[DatasetCard]) -> list[tuple[Text, str, str]]:
+def _data_licence(
+    side: StoredEvaluation, cards: Sequence[DatasetCard]
+) -> list[tuple[Text, str, str]]:
     """The dataset cards that know the truth by its hash, else the task's usual one."""
     truths = {i.sha256 for i in side.evidence.inputs if i.role == "truth"}
     known = [c for c in cards if any(f.get("sha256") in truths for f in c.get("files", ()))]
     said = "this truth, by its hash"
     if not known:
-        known = [c for c in cards if c["name"] == dataset_of(side.task)]
+        known = [c for c in cards if c["name"] == find_dataset(side.task)]
         said = "the usual dataset of this task: no card knows this truth by its hash"
     return [(Text(text=c["title"], below=said), c["name"], c["licence"]) for c in known]
 
 
-def _model_licence(side: Evaluated) -> list[tuple[Text, str, str]]:
+def _model_licence(side: StoredEvaluation) -> list[tuple[Text, str, str]]:
     """The specialist's own licence, as its card has it."""
     baseline = side.run.baseline
     if baseline is None or not baseline.licence:
@@ -165,7 +172,7 @@ def _cards() -> list[DatasetCard]:
     return [cast("DatasetCard", tomllib.loads(path.read_text(encoding="utf-8"))) for path in paths]
 
 
-def _known(cards: Sequence[DatasetCard], sha256: str) -> str | None:
+def _find_shipped(cards: Sequence[DatasetCard], sha256: str) -> str | None:
     """Where a shipped file of this hash lies, as datasets/<card>/<file>."""
     for card in cards:
         for file in card.get("files", ()):

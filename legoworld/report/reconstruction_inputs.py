@@ -8,9 +8,9 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.reconstruction.dataset import TRUTH, BenchDataset, read_dataset
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.files import sha256_of_file
-from legoworld.records.folders.run_reading import ROWS
+from legoworld.records.folders.read_run import ROWS
 
 _MOVED: Final = "is not where the evaluation found it, so there are no pictures"
 
@@ -23,16 +23,16 @@ class BenchInputs:
     dataset: BenchDataset
 
 
-def bench_inputs(side: Evaluated) -> BenchInputs | str:
+def bench_inputs(side: StoredEvaluation) -> BenchInputs | str:
     """The folders of one evaluation, or why its cases have no pictures.
 
     Both must be the very files that were scored: rows and truth.json by the hashes in
     evidence.json, surfaces, renders and arrays by those in them.
     """
-    rows = _folder_of(side, "run_rows", ROWS)
+    rows = _find_folder(side, "run_rows", ROWS)
     if rows is None:
         return f"its run {_MOVED}"
-    truth = _folder_of(side, "truth", TRUTH)
+    truth = _find_folder(side, "truth", TRUTH)
     if truth is None:
         return f"the private half of its dataset {_MOVED}"
     try:
@@ -41,7 +41,7 @@ def bench_inputs(side: Evaluated) -> BenchInputs | str:
         return f"its dataset cannot be read: {error.what}"
 
 
-def _folder_of(side: Evaluated, role: str, name: str) -> Path | None:
+def _find_folder(side: StoredEvaluation, role: str, name: str) -> Path | None:
     """The folder of an input of these bytes."""
     for entry in side.evidence.inputs:
         path = side.folder / entry.path

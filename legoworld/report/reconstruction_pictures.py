@@ -17,7 +17,7 @@ from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.evaluation.reconstruction.points import Raster
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.records.report_reconstruction import BenchObject, BenchPoints, BenchRaster, Outcome
-from legoworld.report.depth_images import NO_DEPTH, encoded
+from legoworld.report.depth_images import NO_DEPTH, encode_depth
 from legoworld.report.reconstruction_case import Codes, SeenSurface
 
 #: Okabe and Ito's palette, by the places that report/reconstruction_case.py counts.
@@ -53,21 +53,21 @@ def error_steps(delta: int) -> tuple[Outcome, ...]:
 
 def hit_picture(seen: SeenSurface) -> bytes:
     """The outcome of every raster pixel, as WebP to lay over the reference."""
-    return _painted(seen.together, [o.colour for o in OUTCOMES], _OPACITY)
+    return _encode_palette(seen.together, [o.colour for o in OUTCOMES], _OPACITY)
 
 
 def error_picture(largest: Codes, delta: int) -> bytes:
     """A's pixels by their largest channel difference, as WebP."""
     steps = error_steps(delta)
     ends = [delta, *(high for high in _STEPS if high > delta)]
-    return _painted(
+    return _encode_palette(
         np.searchsorted(ends, largest).astype(np.uint8),
         [step.colour for step in steps],
         [255] * len(steps),
     )
 
 
-def _painted(codes: Codes, colours: Sequence[str], opacity: Sequence[int]) -> bytes:
+def _encode_palette(codes: Codes, colours: Sequence[str], opacity: Sequence[int]) -> bytes:
     """Lossless WebP of a small palette."""
     palette = np.array(
         [[*bytes.fromhex(c[1:])[::-1], a] for c, a in zip(colours, opacity, strict=True)], np.uint8
@@ -112,7 +112,7 @@ def drawn_points(
     known = np.concatenate([a[np.isfinite(a) & (a > 0)] for a in thin]).astype(np.float64)
     z0_m = float(known.min()) if len(known) else 1.0
     depth_step = float(np.log(known.max() / z0_m) / (NO_DEPTH - 1)) if len(known) else 0.0
-    codes = iter(encoded(a, z0_m, depth_step) for a in thin)
+    codes = iter(encode_depth(a, z0_m, depth_step) for a in thin)
     height, width = thin[0].shape
     grid = BenchRaster(
         size_wh=(width, height),

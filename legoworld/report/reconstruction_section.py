@@ -14,7 +14,7 @@ from legoworld.comparison.leaderboard import wide_table
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_rows import COMPARED, ReconstructionRow
@@ -55,7 +55,7 @@ from legoworld.report.sources import Section
 class _Submission:
     """One side's answer to a case. why: that there is no picture of its surface, else ""."""
 
-    side: Evaluated
+    side: StoredEvaluation
     row: ReconstructionRow
     run_row: RunRow
     inputs: BenchInputs | None
@@ -175,7 +175,7 @@ def _reference(bench: _Bench, image_id: int) -> Reference | str:
 
 def _submission(
     bench: _Bench,
-    side: Evaluated,
+    side: StoredEvaluation,
     row: ReconstructionRow,
     inputs: BenchInputs | str,
     reference: Reference | str,

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 from legoworld.comparison.leaderboard import leaderboard
 from legoworld.comparison.provenance import NOT_RECORDED
 from legoworld.evaluation.reconstruction.text import noise_floor
-from legoworld.evaluation.stored import Evaluated
-from legoworld.pluralize import counted
+from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow, Repeated
 from legoworld.records.report_reconstruction import (
     BenchTables,
@@ -78,8 +78,8 @@ def _leads(board: Leaderboard) -> str:
     name = "S" if found is every.metrics["S"] else "R"
     ends = found.interval.ends if found.interval else None
     spread = " [{:.3f}, {:.3f}]".format(*ends) if ends else ""
-    runs = counted(len(first.evaluations), "run", "runs")
-    cases = counted(every.cases, "case", "cases")
+    runs = plural(len(first.evaluations), "run", "runs")
+    cases = plural(every.cases, "case", "cases")
     value = "undefined" if found.mean is None else f"{found.mean:.3f}{spread}"
     if len(board.rows) == 1:
         return f"{maker_name(first)}: {name} {value} over {cases}, mean of {runs}."
@@ -88,7 +88,7 @@ def _leads(board: Leaderboard) -> str:
     )
 
 
-def _losses(side: Evaluated, ids: Mapping[str, int]) -> SideLosses:
+def _losses(side: StoredEvaluation, ids: Mapping[str, int]) -> SideLosses:
     """What is missing to R = 1, by category; cases that are not valid lose all of it."""
     rows = side.reconstruction_rows
     lost: dict[str, float] = dict.fromkeys(ids, 0.0)
@@ -182,5 +182,5 @@ def flag_tables(section: Section) -> list[Table]:
     ]
     note = "Flags change no score: they name what a person should look at."
     header = ("case", "of", "flag", "what", "measured", "from")
-    title = counted(len(rows), "integrity flag", "integrity flags")
+    title = plural(len(rows), "integrity flag", "integrity flags")
     return [table(header, rows, title=title, notes=[note], folded=True)] if rows else []

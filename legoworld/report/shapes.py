@@ -8,16 +8,16 @@ from typing import Any
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.records.base import UNSET
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
-from legoworld.records.report_page import Drawn, DrawnPrediction
+from legoworld.records.report_page import DrawnPrediction, DrawnTruth
 from legoworld.records.run_rows import Exported
 from legoworld.report.detection_images import DetectionImage, SideImage
 
 _PLACES = 2
 
 
-def drawn_truths(task: str, image: DetectionImage) -> list[Drawn]:
+def drawn_truths(task: str, image: DetectionImage) -> list[DrawnTruth]:
     """Each truth: its box, and its mask or polygons where masks are scored."""
-    return [Drawn(c=t.category_id, **_outline(task, image, t)) for t in image.truths]
+    return [DrawnTruth(c=t.category_id, **_outline(task, image, t)) for t in image.truths]
 
 
 def drawn_predictions(task: str, image: DetectionImage, side: SideImage) -> list[DrawnPrediction]:
@@ -52,9 +52,9 @@ def _outline(
     outline = detection_protocol(task).payload.outline(row, size_hw)
     polygons = outline.polygons
     return {
-        "box": _rounded(outline.box),
+        "box": _round_values(outline.box),
         "rle": UNSET if outline.rle is None else outline.rle,
-        "polygons": UNSET if polygons is None else tuple(map(_rounded, polygons)),
+        "polygons": UNSET if polygons is None else tuple(map(_round_values, polygons)),
     }
 
 
@@ -66,5 +66,5 @@ def _scene_objects(side: SideImage) -> Sequence[Exported | None]:
     return exported
 
 
-def _rounded(values: Iterable[float]) -> tuple[float, ...]:
+def _round_values(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(round(v, _PLACES) for v in values)

@@ -9,12 +9,12 @@ from typing import Final
 
 from legoworld.comparison.folder import COMPARISON, KINDS, read_comparison
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.stored import Evaluated, checked, read_evaluation
+from legoworld.evaluation.stored import StoredEvaluation, check_file, read_evaluation
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode
 from legoworld.records.comparison import JOINED, KIND, Comparison, JoinedComparison
-from legoworld.records.folders.evaluation_reading import SUMMARY, read_evidence
-from legoworld.report.family import page_of
+from legoworld.records.folders.read_evaluation import SUMMARY, read_evidence
+from legoworld.report.family import load_page_family
 from legoworld.tasks.registry import task_names
 
 #: What a baseline is called that recorded no name.
@@ -33,7 +33,7 @@ class Section:
 
     key: str
     task: str
-    sides: tuple[Evaluated, ...]
+    sides: tuple[StoredEvaluation, ...]
     comparison: Comparison | None
 
 
@@ -46,7 +46,7 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
     """
     for folder in folders:
         _require_known_task(folder)
-    sides: dict[Path, Evaluated] = {}
+    sides: dict[Path, StoredEvaluation] = {}
     comparisons: list[tuple[Comparison, tuple[Path, ...]]] = []
     for folder in folders:
         if (folder / COMPARISON).is_file():
@@ -59,11 +59,11 @@ def read_sources(folders: Sequence[Path]) -> list[Section]:
             }
         elif folder.resolve() not in sides:
             sides[folder.resolve()] = read_evaluation(folder, unnamed=_UNNAMED)
-    groups: dict[tuple[str, str], list[Evaluated]] = {}
+    groups: dict[tuple[str, str], list[StoredEvaluation]] = {}
     for side in sides.values():
-        groups.setdefault((side.task, _truth_of(side)), []).append(side)
+        groups.setdefault((side.task, _truth_key(side)), []).append(side)
     sections = [
-        _section(task, group, _comparison_of(group, task, comparisons))
+        _section(task, group, _find_comparison(group, task, comparisons))
         for (task, _), group in sorted(groups.items(), key=lambda g: task_names().index(g[0][0]))
     ]
     shown = [s.comparison for s in sections if s.comparison is not None]
@@ -92,18 +92,20 @@ def _require_known_task(folder: Path) -> None:
             )
 
 
-def _truth_of(side: Evaluated) -> str:
+def _truth_key(side: StoredEvaluation) -> str:
     """What must agree for evaluations to stand in one table: every hash of the truth."""
     truth = [i.sha256 for i in side.evidence.inputs if i.role.startswith("truth")]
     return " ".join(sorted(truth))
 
 
-def _section(task: str, sides: Sequence[Evaluated], comparison: Comparison | None) -> Section:
+def _section(
+    task: str, sides: Sequence[StoredEvaluation], comparison: Comparison | None
+) -> Section:
     """Scenes first; two of one name are told apart by their folders."""
     ordered = sorted(sides, key=lambda s: not s.is_scene)
     labels, folders = [s.name for s in ordered], [s.folder.name for s in ordered]
     several = comparison is None and len(set(folders)) == len(folders) > 1
-    if several and page_of(task).by_folder:
+    if several and load_page_family(task).by_folder:
         labels = folders
         ordered = [replace(s, name=s.folder.name) for s in ordered]
     named = [
@@ -124,7 +126,7 @@ def _section(task: str, sides: Sequence[Evaluated], comparison: Comparison | Non
 def _comparison(folder: Path) -> tuple[Comparison, tuple[Path, ...]]:
     """comparison.json, and the evaluation folders of its evidence that are still there."""
     evidence = read_evidence(folder, KINDS)
-    document = read_comparison(checked(folder, evidence, COMPARISON))
+    document = read_comparison(check_file(folder, evidence, COMPARISON))
     if isinstance(document, JoinedComparison):
         raise ReportInputError(
             f"{folder.name} is no comparison of evaluations",
@@ -147,8 +149,8 @@ def _comparison(folder: Path) -> tuple[Comparison, tuple[Path, ...]]:
     return document, tuple(folders)
 
 
-def _comparison_of(
-    sides: Sequence[Evaluated],
+def _find_comparison(
+    sides: Sequence[StoredEvaluation],
     task: str,
     comparisons: Sequence[tuple[Comparison, tuple[Path, ...]]],
 ) -> Comparison | None:

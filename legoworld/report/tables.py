@@ -8,9 +8,9 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld.comparison.tables import number, over_text
-from legoworld.evaluation.family import evaluation_of
+from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import metric_tables
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import Comparison, ComparisonRow, Measured, Pair
 from legoworld.records.evaluation_rows import CategoryRow
@@ -28,9 +28,9 @@ NO_SPECIALIST: Final = "no specialist was run"
 _LEVELS: Final = {1: "", 2: "more rows", 3: "rows that the CSV has, too"}
 
 
-def number_tables(sides: Sequence[Evaluated]) -> list[Table]:
+def number_tables(sides: Sequence[StoredEvaluation]) -> list[Table]:
     """Every number of every summary, a side after the other."""
-    family = evaluation_of(sides[0].task)
+    family = load_evaluation_family(sides[0].task)
     return metric_tables([(side.name, family.metrics(side.summary)) for side in sides])
 
 
@@ -69,7 +69,7 @@ def without_specialist(shown: Table) -> Table:
     return replace(shown, columns=columns, rows=tuple(rows))
 
 
-def coverage_table(sides: Sequence[Evaluated]) -> Table:
+def coverage_table(sides: Sequence[StoredEvaluation]) -> Table:
     """Attempted, scored, with truth, and every status, a side a column."""
     coverages = [side.summary.coverage for side in sides]
     names = ["attempted", "scored", "valid", "with_truth", "scored_with_truth"]
@@ -86,7 +86,7 @@ def coverage_table(sides: Sequence[Evaluated]) -> Table:
     return table(["images", *(side.name for side in sides)], rows, title="Coverage")
 
 
-def category_lines(sides: Sequence[Evaluated]) -> list[CategoryLine]:
+def category_lines(sides: Sequence[StoredEvaluation]) -> list[CategoryLine]:
     """A line of each category that has truth or predictions on any side, ascending id."""
     found: dict[int, list[CategoryRow | None]] = {}
     for k, side in enumerate(sides):
@@ -120,7 +120,7 @@ def _category(rows: Sequence[CategoryRow | None]) -> CategoryLine:
 
 
 def category_table(
-    section: str, sides: Sequence[Evaluated], lines: Sequence[CategoryLine]
+    section: str, sides: Sequence[StoredEvaluation], lines: Sequence[CategoryLine]
 ) -> Table:
     """The categories as a page's scripts sort and filter them; names lead to their photos."""
     frequencies = any(line.frequency for line in lines)
@@ -172,7 +172,7 @@ def comparison_tables(comparison: Comparison) -> list[ComparedPair]:
             coverage=pair.coverage,
             dropped=pair.dropped,
             tables=tuple(
-                _compared(pair, rows, f"{len(rows)} {title}" if title else "")
+                _difference_cell(pair, rows, f"{len(rows)} {title}" if title else "")
                 for level, title in _LEVELS.items()
                 if (rows := [row for row in pair.rows if row.level == level])
             ),
@@ -181,7 +181,7 @@ def comparison_tables(comparison: Comparison) -> list[ComparedPair]:
     ]
 
 
-def _compared(pair: Pair, rows: Sequence[ComparisonRow], title: str) -> Table:
+def _difference_cell(pair: Pair, rows: Sequence[ComparisonRow], title: str) -> Table:
     return table(
         ["metric", "images", "policy", "difference", pair.scene, pair.baseline],
         [

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, table_from
 from legoworld.evaluation.detection.ranking.ties import order_aps
-from legoworld.evaluation.stored import Evaluated
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import share
 from legoworld.records.evaluation_summary import Ties, TieSpread
 from legoworld.records.report_tables import TieBar, TieDrawing, TiePicture
@@ -24,7 +24,7 @@ _BINS: Final = 40
 _NO_WIDTH: Final = 5e-5
 
 
-def tie_pictures(side: Evaluated) -> list[TiePicture]:
+def tie_pictures(side: StoredEvaluation) -> list[TiePicture]:
     """The picture under the predictions' own scores, and under equal ones where those differ."""
     summary = side.detection
     equal = summary.equal_confidence
@@ -36,15 +36,17 @@ def tie_pictures(side: Evaluated) -> list[TiePicture]:
     return pictures
 
 
-def _picture(side: Evaluated, policy: str, title: str, ap: float | None, ties: Ties) -> TiePicture:
+def _picture(
+    side: StoredEvaluation, policy: str, title: str, ap: float | None, ties: Ties
+) -> TiePicture:
     drawing, known = None, ties.spread
     if ap is not None and known is not None and known.best - known.worst >= _NO_WIDTH:
         aps = order_aps(table_from(side.matches, policy), draws=ties.draws, seed=ties.seed)
-        drawing = _drawing(aps, ap, known)
+        drawing = _draw_ties(aps, ap, known)
     return TiePicture(title=f"{side.name}: {title}", ap=ap, ties=ties, drawing=drawing)
 
 
-def _drawing(aps: NDArray[np.float64], ap: float, known: TieSpread) -> TieDrawing:
+def _draw_ties(aps: NDArray[np.float64], ap: float, known: TieSpread) -> TieDrawing:
     low, high = min(known.worst, ap), max(known.best, ap)
 
     def x(value: float) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 
 class OutputFullError(LegoWorldError):
@@ -35,7 +35,7 @@ def check_disk(
     free = shutil.disk_usage(folder).free
     notice(
         f"{what}: about {_megabytes(expected)} for "
-        f"{counted(len(file_bytes), 'image', 'images')} of known size, "
+        f"{plural(len(file_bytes), 'image', 'images')} of known size, "
         f"{_megabytes(free)} free"
     )
     if expected + beside > free:

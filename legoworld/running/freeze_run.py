@@ -42,8 +42,8 @@ from legoworld.scene.freeze import (
     write_frozen,
 )
 from legoworld.scene.labels import read_labels_file
-from legoworld.scene.outside import leaves_scenes
-from legoworld.scene.reading import read_scene
+from legoworld.scene.outside_files import leaves_scenes
+from legoworld.scene.read_scene import read_scene
 from legoworld.scene.side_files import read_side_file
 from legoworld.tracks.track import track_of_folder
 from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
@@ -71,7 +71,7 @@ def freeze_scenes(
     total: called with the number of scenes; row: with each scene's row as it is done.
     """
     folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
-    job = Job(make=partial(_Freezer, cache, limits), lost=_lost)
+    job = Job(make=partial(_Freezer, cache, limits), lost=_lost_row)
     total(len(folders))
     done = []
     with closing(ENGINES[engine](job, folders, workers)) as rows:
@@ -98,7 +98,7 @@ class _Freezer:
         self._blender.close()
 
 
-def _lost(folder: SceneFolder, what: str) -> FrozenRow:
+def _lost_row(folder: SceneFolder, what: str) -> FrozenRow:
     checks = {BLEND: _complaint(machine_lost(what))}
     return FrozenRow(scene=folder.name, status="failed", checks=checks, warnings=[])
 
@@ -109,7 +109,7 @@ def freeze_scene(
     """Check one scene's artefacts and write its frozen.json; return the table row."""
     for leftover in folder.path.glob(f".{FROZEN}.*{TEMPORARY_SUFFIX}"):  # of a killed freeze
         leftover.unlink(missing_ok=True)
-    artefacts, unusable = _hashed(folder)
+    artefacts, unusable = _hash_artefacts(folder)
     files = FrozenFiles(artefacts=artefacts, dependencies={}, frozen="at_readout")
     checks, dependencies = _check_blend(folder, files, blender, cache)
     checks |= unusable
@@ -142,7 +142,7 @@ def _not_portable(folder: SceneFolder, dependencies: Hashes) -> list[str]:
     ]
 
 
-def _hashed(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, Verdict]]:
+def _hash_artefacts(folder: SceneFolder) -> tuple[dict[str, FileHash | None], dict[str, Verdict]]:
     """The artefacts' hashes, and a failed check for each unreadable one."""
     hashes: dict[str, FileHash | None] = {}
     complaints = {}

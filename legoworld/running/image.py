@@ -14,24 +14,24 @@ from legoworld.records.labels import LabelsFile
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.remote import PlaceError, child, fetch_folder
+from legoworld.running.error_boundary import classify_error
 from legoworld.running.image_record import (
     ImageOptions,
     SceneOfImage,
     failed_record,
-    record_of,
+    make_record,
     sha256_by_name,
     verdict_instead,
 )
 from legoworld.running.reconstruction_image import read_submission
 from legoworld.running.shared_scene import HashedScene, SharedScene
-from legoworld.running.wall import judged
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import files_in
 from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SIMULATIONS, SceneFolder
 from legoworld.scene.freeze import FrozenFiles, Hashes, hashed_dependencies
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
-from legoworld.scene.outside import leaves_scenes
-from legoworld.scene.reading import read_hashed_side_file
+from legoworld.scene.outside_files import leaves_scenes
+from legoworld.scene.read_scene import read_hashed_side_file
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.engines import machine_lost
 from legoworld.workers.scratch import scratch_folder
@@ -113,16 +113,16 @@ def read_image(
     """Read one image out. Failures of its scene become the row's status and reason.
 
     shared: its scene folder, where other images were read of it. Raises the errors of this machine;
-    see `judged`.
+    see `classify_error`.
     """
     scene = shared or SharedScene(image.scene, options, blender)
     try:
         if options.bench is not None:
             return read_submission(image, scene, options, options.bench, blender)
-        return record_of(image, _with_side_files(scene, options.protocol), options)
+        return make_record(image, _with_side_files(scene, options.protocol), options)
     except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
         written = [options.run, *([options.cache.folder] if options.cache else [])]
-        return failed_record(image, judged(error, written))
+        return failed_record(image, classify_error(error, written))
 
 
 def lost_records(questions: Questions, what: str) -> Answers:
@@ -130,7 +130,7 @@ def lost_records(questions: Questions, what: str) -> Answers:
     return [(asked.run, failed_record(asked.image, machine_lost(what))) for asked in questions]
 
 
-def arrived(record: ImageRecord, options: ImageOptions) -> ImageRecord:
+def check_arrived(record: ImageRecord, options: ImageOptions) -> ImageRecord:
     """The record, or a verdict where another machine wrote a depth file that is not seen here."""
     if all((options.run / file.file).is_file() for file in record.row.files):
         return record
@@ -148,12 +148,12 @@ def still_valid(record: ImageRecord, scene: HashedScene, options: ImageOptions) 
     if record.row.status != "ok" or record.scene is None:
         return False
     try:
-        return _unchanged(record.scene, scene, options) and has_its_results(record, options.run)
+        return _is_unchanged(record.scene, scene, options) and has_its_results(record, options.run)
     except (LegoWorldError, OSError, ValueError):
         return False  # reading it again tells what is wrong
 
 
-def _unchanged(source: ImageSource, scene: HashedScene, options: ImageOptions) -> bool:
+def _is_unchanged(source: ImageSource, scene: HashedScene, options: ImageOptions) -> bool:
     """Whether the scene's files are those that it was read from."""
     if sha256_by_name(scene.files.artefacts) != source.files or scene.files.frozen != source.frozen:
         return False

@@ -40,7 +40,7 @@ from legoworld.scene.folder import SceneFolder, Source
 from legoworld.scene.freeze import Hashes
 from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels
-from legoworld.scene.reading import ReadScene
+from legoworld.scene.read_scene import ReadScene
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
@@ -91,7 +91,7 @@ class SceneOfImage:
 
 def failed_record(image: TrackImage, error: LegoWorldError) -> ImageRecord:
     """The record of an image without a result, and why it has none."""
-    return failed(row_of(image), error)
+    return record_failure(initial_row(image), error)
 
 
 def verdict_instead(record: ImageRecord, error: LegoWorldError) -> ImageRecord:
@@ -104,10 +104,10 @@ def verdict_instead(record: ImageRecord, error: LegoWorldError) -> ImageRecord:
         size_wh=row.size_wh,
         status=row.status,
     )
-    return failed(kept, error)
+    return record_failure(kept, error)
 
 
-def row_of(image: TrackImage) -> RunRow:
+def initial_row(image: TrackImage) -> RunRow:
     """The row of an image before anything is known of its result."""
     return RunRow(
         image_id=image.id,
@@ -119,13 +119,13 @@ def row_of(image: TrackImage) -> RunRow:
     )
 
 
-def failed(row: RunRow, error: LegoWorldError) -> ImageRecord:
+def record_failure(row: RunRow, error: LegoWorldError) -> ImageRecord:
     """The record of an image without a result, with what its row says of it besides."""
     verdict = replace(row, status=error.status, code=error.code, reason=str(error))
     return ImageRecord(row=verdict, trace=error.trace or UNSET)
 
 
-def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) -> ImageRecord:
+def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) -> ImageRecord:
     """The record of a scene that was read; a depth file is written on the way."""
     scene, labels = of_image.scene, of_image.labels
     snapshot = scene.snapshot
@@ -137,7 +137,7 @@ def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) 
         snapshot, grouping, rendered_wh, exact=readout.needs_instances, threads=options.threads
     )
     row = replace(
-        row_of(image),
+        initial_row(image),
         size_wh=full_size,
         rendered_wh=rendered_wh,
         scene_size_wh=snapshot.render.size_wh,
@@ -170,12 +170,12 @@ def record_of(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) 
         row = replace(
             row,
             n_predictions=len(predictions),
-            exported=tuple(_exported(instance) for _, instance in exports),
+            exported=tuple(_export_row(instance) for _, instance in exports),
             predictions_sha256=predictions_sha256(predictions),
         )
     if readout.write is not None:
         row = readout.write(row, answered)
-    source = source_of(of_image.folder, scene, seen.projection, of_image.provenance)
+    source = describe_source(of_image.folder, scene, seen.projection, of_image.provenance)
     return ImageRecord(row=row, predictions=predictions, scene=source)
 
 
@@ -220,11 +220,11 @@ def _instance_report(
             Unmatched(label=text, count=count, nearest=tuple(vocabulary.nearest(text)))
             for text, count in grouping.outside_vocabulary.items()
         ),
-        unexported=_unexported(scene, grouping, labelled, seen, vocabulary, threads),
+        unexported=_list_unexported(scene, grouping, labelled, seen, vocabulary, threads),
     )
 
 
-def _unexported(
+def _list_unexported(
     scene: ReadScene,
     grouping: Grouping,
     labelled: list[Instance],
@@ -249,7 +249,7 @@ def _unexported(
     return tuple(sorted(unexported, key=lambda u: (u.name, u.reason)))
 
 
-def _exported(instance: Instance) -> Exported:
+def _export_row(instance: Instance) -> Exported:
     assert instance.category is not None
     return Exported(
         name=instance.name, category=instance.category.name, objects=tuple(instance.objects)
@@ -275,7 +275,7 @@ def _matched_names(labelled: list[Instance]) -> dict[str, str]:
     }
 
 
-def source_of(
+def describe_source(
     folder: SceneFolder,
     scene: ReadScene,
     projection: Projection,

@@ -27,7 +27,7 @@ from legoworld.scene.folder import LABELS, SceneFolder, Source
 from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
 from legoworld.scene.instances import Grouping, group
 from legoworld.scene.labels import read_labels_file, resolve_labels
-from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.scene.read_scene import ReadScene, read_scene
 from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.view import View, unseen_reasons

@@ -30,7 +30,7 @@ class ReaderProcess:
     """A SceneReader in a separate process."""
 
     def __init__(self, options: Sequence[ImageOptions], limits: Limits) -> None:
-        self._process: TaskProcess[Questions, Answers] = TaskProcess(_Read(options, limits))
+        self._process: TaskProcess[Questions, Answers] = TaskProcess(_ReadFunction(options, limits))
         self._aborted = False
 
     def do(self, questions: Questions) -> Answers:
@@ -39,11 +39,11 @@ class ReaderProcess:
             return self._process.call(questions)
         except ProcessLostError as error:
             if self._aborted:
-                return _lost(questions, error)
+                return _lost_record(questions, error)
         try:
             return self._process.call(questions)
         except ProcessLostError as error:
-            return _lost(questions, error)
+            return _lost_record(questions, error)
 
     def abort(self) -> None:
         """End the process during a running `do`; Blender ends with it."""
@@ -55,7 +55,7 @@ class ReaderProcess:
         self._process.close()
 
 
-class _Read:
+class _ReadFunction:
     """The process's function: created here; its reader is created on the first call there."""
 
     def __init__(self, options: Sequence[ImageOptions], limits: Limits) -> None:
@@ -69,7 +69,7 @@ class _Read:
         return self._reader.do(questions)
 
 
-def _lost(questions: Questions, error: ProcessLostError) -> Answers:
+def _lost_record(questions: Questions, error: ProcessLostError) -> Answers:
     verdict = WorkerCrashedError(
         "the process that read the scene ended, twice",
         found=error.found,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import as_unicode, canonical_json, sha256_of_text
-from legoworld.readouts.protocol import readout_of
+from legoworld.readouts.protocol import load_readout_family
 from legoworld.records.base import UNSET
-from legoworld.records.folders.run_reading import RUN_SCHEMA
+from legoworld.records.folders.read_run import RUN_SCHEMA
 from legoworld.records.run_file import (
     Configuration,
     RunCoverage,
@@ -106,7 +106,7 @@ def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummar
         ),
         warnings=sum(len(row.warnings) for row in rows),
     )
-    return readout_of(task_named(configuration.task)).sum_up(summary, rows, ok)
+    return load_readout_family(task_named(configuration.task)).sum_up(summary, rows, ok)
 
 
 def run_configuration(request: RunRequest, images: list[TrackImage]) -> Configuration:
@@ -135,7 +135,7 @@ def run_configuration(request: RunRequest, images: list[TrackImage]) -> Configur
         snapshot_schema=SNAPSHOT_SCHEMA,
         row_schema=ROW_SCHEMA,
         images_per_file=request.images_per_file or UNSET,
-        bench=options.bench.recorded() if options.bench else UNSET,
+        bench=options.bench.to_record() if options.bench else UNSET,
     )
 
 

@@ -6,13 +6,18 @@ from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import as_unicode
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.readouts.filled_view import filled_view
 from legoworld.readouts.surface import VisibleSurface
 from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import RunRow
-from legoworld.running.image_record import ImageOptions, failed, row_of, source_of
+from legoworld.running.image_record import (
+    ImageOptions,
+    describe_source,
+    initial_row,
+    record_failure,
+)
 from legoworld.running.shared_scene import SharedScene
 from legoworld.running.submission import (
     BenchRules,
@@ -25,8 +30,8 @@ from legoworld.running.submission import (
 )
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import GLB, PICTURE, PROVENANCE, SceneFolder
-from legoworld.scene.opened import OpenedScene
-from legoworld.scene.reading import ReadScene, read_hashed_side_file
+from legoworld.scene.open_scene import OpenedScene
+from legoworld.scene.read_scene import ReadScene, read_hashed_side_file
 from legoworld.tracks.track import TrackImage
 
 
@@ -41,12 +46,12 @@ def read_submission(
 
     A scene that loses its Blender process is asked for once more, in a fresh one.
     """
-    row, folder = row_of(image), asked.folder
+    row, folder = initial_row(image), asked.folder
     checks = artefact_checks(folder)
     try:
         scene = asked.read(attempts=2)
     except LegoWorldError as error:
-        return failed(with_validity(row, {**checks, **blend_checks(error)}), error)
+        return record_failure(with_validity(row, {**checks, **blend_checks(error)}), error)
     row = with_validity(row, {**checks, **blend_checks(None)})
     opened = OpenedScene(folder, scene.files, blender, options.cache)
     assert image.hfov_deg is not None
@@ -64,7 +69,7 @@ def read_submission(
             row = read_render(row, opened, rules.card, rules, options.run, options.threads)
         provenance = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
     except LegoWorldError as error:
-        return failed(row, error)
+        return record_failure(row, error)
     row = replace(
         row,
         frozen=scene.files.frozen,
@@ -73,7 +78,7 @@ def read_submission(
         warnings=tuple(_warnings(row, folder, scene, surface, options.threads)),
     )
     stored = provenance.value if provenance else None
-    source = source_of(folder, scene, surface.projection, stored)
+    source = describe_source(folder, scene, surface.projection, stored)
     return ImageRecord(row=row, scene=source)
 
 
@@ -104,7 +109,7 @@ def _filled(scene: ReadScene, surface: VisibleSurface, threads: int) -> str | No
     found = filled_view(scene.snapshot, surface, threads=threads)
     if found is None:
         return None
-    hidden = counted(found.hidden, "other object", "other objects")
+    hidden = plural(found.hidden, "other object", "other objects")
     return (
         f"the camera's view is filled by one object: '{as_unicode(found.object)}' covers "
         f"{100 * found.share:.0f} % of the hits at {found.depth_m:.2g} m and hides {hidden}, "

@@ -14,13 +14,13 @@ from typing import IO
 
 from legoworld.pluralize import share, word_for
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.read_run import CONFIGURATION
 from legoworld.records.folders.run_journal import (
     JournalledImage,
     UnwritableRecordError,
     append,
     journal,
 )
-from legoworld.records.folders.run_reading import CONFIGURATION
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import RunRow
 from legoworld.remote import PlaceError
@@ -30,8 +30,8 @@ from legoworld.running.image import (
     Question,
     Questions,
     SceneReader,
-    arrived,
     at_hand,
+    check_arrived,
     lost_records,
     still_valid,
 )
@@ -91,11 +91,11 @@ def read_scenes(
     several = len(request.runs) > 1
     with ExitStack() as locks:
         for one in request.runs:
-            locks.enter_context(run_folder.locked(one.image_options.run))
+            locks.enter_context(run_folder.lock_run(one.image_options.run))
         runs = []
         for one in request.runs:
             prefix = f"{one.image_options.protocol.task.name}: " if several else ""
-            runs.append(_RunningRun(one, partial(_say_of, prefix, notice)))
+            runs.append(_RunningRun(one, partial(_say_with_prefix, prefix, notice)))
         _keep_valid(runs)
         kept(sum(len(run.valid) for run in runs))
         sizes = [sum(run.file_bytes()) for run in runs]
@@ -111,7 +111,7 @@ def read_scenes(
         return [run.finish() for run in runs]
 
 
-def _say_of(prefix: str, notice: Say, text: str) -> None:
+def _say_with_prefix(prefix: str, notice: Say, text: str) -> None:
     notice(prefix + text)
 
 
@@ -251,7 +251,7 @@ def _read_all(
     with closing(ENGINES[request.engine](job, todo, workers)) as answers:
         for answer in answers:
             for number, record in answer:
-                found = arrived(record, options[number])
+                found = check_arrived(record, options[number])
                 yield number, found
                 if request.fail_fast and found.row.status != "ok":
                     return

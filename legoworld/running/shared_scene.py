@@ -11,8 +11,8 @@ from legoworld.running.scene_views import SceneViews
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import FrozenFiles
-from legoworld.scene.opened import LOST
-from legoworld.scene.reading import ReadScene, checked_scene, read_scene
+from legoworld.scene.open_scene import LOST
+from legoworld.scene.read_scene import ReadScene, check_scene, read_scene
 
 T = TypeVar("T")
 
@@ -30,18 +30,18 @@ class HashedScene:
 
     @property
     def folder(self) -> SceneFolder:
-        """The folder. Raises as `checked_scene` does, each time."""
+        """The folder. Raises as `check_scene` does, each time."""
         return self._hashed.value()[0]
 
     @property
     def files(self) -> FrozenFiles:
-        """Its files as they were hashed. Raises as `checked_scene` does, each time."""
+        """Its files as they were hashed. Raises as `check_scene` does, each time."""
         return self._hashed.value()[1]
 
     def _hash(self) -> tuple[SceneFolder, FrozenFiles]:
         scenes = self._options.scenes
         assert isinstance(scenes, Path)
-        return checked_scene(scenes, self._scene, require_frozen=self._options.require_frozen)
+        return check_scene(scenes, self._scene, require_frozen=self._options.require_frozen)
 
 
 class SharedScene(HashedScene):
@@ -54,7 +54,7 @@ class SharedScene(HashedScene):
         self.views = SceneViews()
 
     def read(self, *, attempts: int = 1) -> ReadScene:
-        """The snapshot, read at the first call. Raises as `checked_scene` and `read_scene` do.
+        """The snapshot, read at the first call. Raises as `check_scene` and `read_scene` do.
 
         An error is raised again without another attempt. attempts: how often in all a scene is read
         that loses its Blender process.

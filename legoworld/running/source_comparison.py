@@ -59,7 +59,7 @@ class SourceComparison:
         return int((shown[0] != shown[1]).sum())
 
     @property
-    def disagreeing(self) -> int:
+    def n_disagreeing(self) -> int:
         """Shared instances whose masks differ."""
         return sum(pair.iou < SAME_IOU for pair in self.pairs)
 
@@ -68,7 +68,7 @@ class SourceComparison:
         """Whether both sources show the same instances, with the same categories and masks."""
         one_sided = any(entry.area_px for entry in (*self.lost, *self.gained))
         relabelled = any(pair.blend_category != pair.glb_category for pair in self.pairs)
-        return not (self.disagreeing or one_sided or relabelled)
+        return not (self.n_disagreeing or one_sided or relabelled)
 
 
 def compare_sources(blend: Inspection, glb: Inspection) -> SourceComparison:

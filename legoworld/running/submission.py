@@ -41,7 +41,7 @@ from legoworld.records.submission import (
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.folder import BLEND, GLB, PICTURE, SceneFolder
 from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.opened import CardRender, OpenedScene, SceneFacts
+from legoworld.scene.open_scene import CardRender, OpenedScene, SceneFacts
 from legoworld.scene.pictures import decoded_picture
 from legoworld.scene.snapshot import Snapshot
 from legoworld.tracks.track import Track
@@ -71,7 +71,7 @@ class BenchRules:
     thumbnail_wh: tuple[int, int]
     facts: bool = True
 
-    def recorded(self) -> BenchReading:
+    def to_record(self) -> BenchReading:
         """What of it a run's configuration has on record."""
         return BenchReading(card=self.card, noise=self.noise)
 
@@ -105,8 +105,8 @@ def validity_counts(rows: Sequence[RunRow]) -> ValidityCounts:
 def artefact_checks(folder: SceneFolder) -> dict[str, Check]:
     """V's checks of scene.glb and final.png."""
     return {
-        "scene_glb": _checked(folder, GLB, check_glb),
-        "final_png": _checked(folder, PICTURE, check_picture),
+        "scene_glb": _check_file(folder, GLB, check_glb),
+        "final_png": _check_file(folder, PICTURE, check_picture),
     }
 
 
@@ -139,7 +139,7 @@ def with_validity(row: RunRow, checks: Mapping[str, Check]) -> RunRow:
     return replace(row, valid=validity.valid, validity=validity)
 
 
-def _checked(folder: SceneFolder, name: str, check: Callable[[Path], None]) -> Check:
+def _check_file(folder: SceneFolder, name: str, check: Callable[[Path], None]) -> Check:
     path = folder.file(name)
     try:
         if not path.is_file():
@@ -209,7 +209,9 @@ def read_surface(
 
 def _surface_entry(run: Path, name: str, surface: VisibleSurface) -> SurfaceFile:
     return SurfaceFile(
-        **vars_of(written(run, name)), raster_wh=surface.raster_wh, finite_px=surface.finite_px
+        **field_values(describe_file(run, name)),
+        raster_wh=surface.raster_wh,
+        finite_px=surface.finite_px,
     )
 
 
@@ -253,7 +255,7 @@ def read_render(
     with atomic_path(run / name) as temporary:
         temporary.write_bytes(pictures[0])
     file = RenderFile(
-        **vars_of(written(run, name)),
+        **field_values(describe_file(run, name)),
         size_wh=size_wh,
         card_sha256=sha256_of_text(canonical(card)),
         noise=_noise(pictures, card, rules.delta) if rules.noise else None,
@@ -282,13 +284,13 @@ def _noise(pictures: list[bytes], card: RenderCard, delta: int) -> RenderNoise:
     )
 
 
-def written(run: Path, name: str) -> WrittenFile:
+def describe_file(run: Path, name: str) -> WrittenFile:
     """A file of the run folder as a row describes it."""
     path = run / name
     return WrittenFile(file=name, sha256=sha256_of_file(path), bytes=path.stat().st_size)
 
 
-def vars_of(record: WrittenFile) -> dict[str, Any]:
+def field_values(record: WrittenFile) -> dict[str, Any]:
     """A record's fields, to make a larger one of."""
     return {name: getattr(record, name) for name in record.__struct_fields__}
 

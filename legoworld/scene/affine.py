@@ -42,7 +42,7 @@ def inverse(m: Rows) -> Rows:
     return [[cofactors[c][r] / determinant for c in range(3)] for r in range(3)]
 
 
-def transformed(
+def transform_points(
     matrix: NDArray[np.float64], points: NDArray[np.float64], *, directions: bool = False
 ) -> NDArray[np.float64]:
     """(..., 3) points, or directions, after a (3, 4) transform."""

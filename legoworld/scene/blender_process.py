@@ -63,7 +63,7 @@ class BlenderProcess:
 
     def start(self) -> None:
         """Start the process now; the first request then finds bpy imported."""
-        self._started()
+        self._start_worker()
 
     def request(self, message: Request) -> dict[str, Any]:
         """The worker's answer.
@@ -73,7 +73,7 @@ class BlenderProcess:
         asked once more, so that no scene is judged by what came before it.
         """
         if self._aborted:
-            raise self._crashed()
+            raise self._crash_error()
         self._recycle()
         used = self._served > 0
         try:
@@ -87,7 +87,7 @@ class BlenderProcess:
         try:
             return self._ask(message)
         except LegoWorldError:
-            if self._ended():
+            if self._has_ended():
                 self._drop()
             raise
 
@@ -114,15 +114,15 @@ class BlenderProcess:
         while self._workspaces:
             self._workspaces.popitem()[1].close()
 
-    def _started(self) -> ChildProcess:
+    def _start_worker(self) -> ChildProcess:
         if self._process is not None:
             return self._process
         self._home = ScratchFolder("legoworld-blender-")
         home = self._home.path
-        empty, environment = _made(home, "empty"), _environment(home)
+        empty, environment = _make_folder(home, "empty"), _environment(home)
         with self._owning:
             if self._aborted:
-                raise self._crashed()
+                raise self._crash_error()
             self._process = ChildProcess(
                 [sys.executable, "-m", "legoworld.scene.blender.worker"],
                 environment,
@@ -141,12 +141,12 @@ class BlenderProcess:
             self._home = None
 
     def _ask(self, message: Request) -> dict[str, Any]:
-        process = self._started()
+        process = self._start_worker()
         deadline = time.monotonic() + self._limits.time_s
         try:
             process.send(json.dumps(message).encode() + b"\n")
         except BrokenPipeError as error:
-            raise self._crashed() from error
+            raise self._crash_error() from error
         try:
             line = self._answer_line(process, deadline)
         except LegoWorldError:
@@ -181,10 +181,10 @@ class BlenderProcess:
                 )
         line = process.stdout.readline()
         if not line.endswith(b"\n"):
-            raise self._crashed()
+            raise self._crash_error()
         return line
 
-    def _crashed(self) -> WorkerCrashedError:
+    def _crash_error(self) -> WorkerCrashedError:
         how, words = "aborted", "no message"
         if self._process is not None:
             how, words = self._process.how_it_ended(), self._process.last_words(_is_of_blender)
@@ -209,14 +209,14 @@ class BlenderProcess:
             next_step="lower the scene's subdivision levels, or raise --memory-limit",
         )
 
-    def _ended(self) -> bool:
+    def _has_ended(self) -> bool:
         return self._process is not None and self._process.exit_code() is not None
 
     def _recycle(self) -> None:
         if self._process is None:
             return
         grown = resident_bytes(self._process.pid) > _RECYCLE_SHARE * self._limits.memory_bytes
-        if self._served >= _RECYCLE_AFTER or grown or self._ended():
+        if self._served >= _RECYCLE_AFTER or grown or self._has_ended():
             self._drop()
 
 
@@ -225,7 +225,7 @@ def _is_of_blender(line: str) -> bool:
     return bool(line.strip()) and not line[0].isdigit() and "/" not in line
 
 
-def _made(folder: Path, name: str) -> Path:
+def _make_folder(folder: Path, name: str) -> Path:
     path = folder / name
     path.mkdir()
     return path
@@ -237,4 +237,6 @@ def _environment(home: Path) -> dict[str, str]:
     Blender makes a folder for temporary files and one for thumbnails, and a killed Blender leaves
     them: they lie where they are removed with the process.
     """
-    return blender_environment(home=_made(home, "blender"), temporary=_made(home, "temporary"))
+    return blender_environment(
+        home=_make_folder(home, "blender"), temporary=_make_folder(home, "temporary")
+    )

@@ -67,13 +67,13 @@ class SnapshotCache:
         key = sha256_of_text(canonical_json([scene_file_key(scene_file_sha256), content]))
         return self._entry(key, ".snapshot")
 
-    def entry_of(self, content_sha256: str, suffix: str) -> Path:
+    def entry_path(self, content_sha256: str, suffix: str) -> Path:
         """Where what this program makes of some content is or belongs."""
         key = [content_sha256, reader_sha256(), bpy_version()]
         return self._entry(sha256_of_text(canonical_json(key)), suffix)
 
     @contextmanager
-    def written(self) -> Iterator[None]:
+    def translate_write_errors(self) -> Iterator[None]:
         """A block that writes into the cache: CacheFolderError where that is not possible."""
         try:
             yield

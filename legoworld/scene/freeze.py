@@ -33,7 +33,7 @@ from legoworld.scene.folder import (
     URDF_SUFFIX,
     SceneFolder,
 )
-from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
+from legoworld.scene.outside_files import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, program_warnings, read_side_file
 from legoworld.version import __version__
 
@@ -232,7 +232,7 @@ def hashed_dependencies(
     SceneChangedError when one outside of SCENES is not what it lists. A name that frozen.json
     lists and the scene file does not read is a warning.
     """
-    real = {_listed(name, scene, files): name for name in names}
+    real = {_recorded_name(name, scene, files): name for name in names}
     hashes = {
         recorded: hash_files(scene.path, [name])[name] for recorded, name in sorted(real.items())
     }
@@ -253,7 +253,7 @@ def hashed_dependencies(
     return replace(files, dependencies=hashes, warnings=(*files.warnings, *warnings))
 
 
-def _listed(name: str, scene: SceneFolder, files: FrozenFiles) -> str:
+def _recorded_name(name: str, scene: SceneFolder, files: FrozenFiles) -> str:
     """The name that a dependency has on record.
 
     Records of the first kind hold paths, and what lies outside depends on where SCENES begins: a

@@ -105,7 +105,7 @@ class _Resolver:
             )
             for i, (key, label) in enumerate(owners)
         )
-        nested = self._nested(ids, owners)
+        nested = self._find_nested(ids, owners)
         return Grouping(
             instances=instances,
             surface_instance=surface_instance,
@@ -196,11 +196,13 @@ class _Resolver:
 
     def _collection_key(self, collection: int, instancer: int, frame: int) -> _Key:
         """One instance per placement of the collection; one at all if the instancer is in it."""
-        while instancer >= 0 and collection in self._collections_of(self._object[instancer]):
+        while instancer >= 0 and collection in self._containing_collections(
+            self._object[instancer]
+        ):
             instancer, frame = self._instancer[instancer], self._frame[instancer]
         return ("collection", collection, instancer, frame if instancer >= 0 else -1)
 
-    def _collections_of(self, shown: int) -> frozenset[int]:
+    def _containing_collections(self, shown: int) -> frozenset[int]:
         """The collections that hold an object, directly or not."""
         if shown not in self._holding:
             todo, holders = list(self.snapshot.objects[shown].collections), set()
@@ -212,7 +214,7 @@ class _Resolver:
             self._holding[shown] = frozenset(holders)
         return self._holding[shown]
 
-    def _nested(self, ids: Mapping[_Key, int], owners: list[_Owner]) -> dict[int, int]:
+    def _find_nested(self, ids: Mapping[_Key, int], owners: list[_Owner]) -> dict[int, int]:
         """Labelled instances that are cut out of another labelled one, with that one's id."""
         nested = {}
         for key, label in owners:

@@ -99,7 +99,7 @@ def resolve_labels(
         for i, (name, _) in enumerate(entries):
             owners_of.setdefault((kind, name), []).append(i)
     warnings = _unread_keys(outside)
-    for label in _merged(outside):
+    for label in _merge_entries(outside):
         owners = owners_of.get((label.kind, label.name), [])
         if not owners:
             warnings.append(f"{LABELS} names {label.kind} {label.name!r}: not in the scene")
@@ -107,8 +107,8 @@ def resolve_labels(
             name, properties = by_kind[label.kind][i]
             by_kind[label.kind][i] = (name, _outside_wins(properties, label.categories))
     return Labels(
-        objects=_matched(by_kind["object"], vocabulary, override_property),
-        collections=_matched(by_kind["collection"], vocabulary, override_property),
+        objects=_match_labels(by_kind["object"], vocabulary, override_property),
+        collections=_match_labels(by_kind["collection"], vocabulary, override_property),
         warnings=tuple(warnings),
     )
 
@@ -122,7 +122,7 @@ def _unread_keys(outside: Sequence[OutsideLabel]) -> list[str]:
     ]
 
 
-def _merged(outside: Sequence[OutsideLabel]) -> list[OutsideLabel]:
+def _merge_entries(outside: Sequence[OutsideLabel]) -> list[OutsideLabel]:
     """One entry per owner, whatever order its entries stand in."""
     merged: dict[tuple[Kind, str], dict[str, str]] = {}
     for label in outside:
@@ -138,7 +138,7 @@ def _outside_wins(inside: Mapping[str, str], outside: Mapping[str, str]) -> Mapp
     return dict(outside) if CATEGORY_KEY in outside else {**inside, **outside}
 
 
-def _matched(
+def _match_labels(
     owners: list[tuple[str, Mapping[str, str]]],
     vocabulary: Vocabulary | None,
     override_property: str | None,

@@ -123,7 +123,7 @@ def bytes_beside(folder: Path, name: str, limit: int) -> bytes | None:
     and more than `limit` bytes.
     """
     try:
-        with _opened(folder, name) as descriptor:
+        with _open_below(folder, name) as descriptor:
             status = os.fstat(descriptor)
             if not stat.S_ISREG(status.st_mode):
                 raise invalid(name, f"it is {kind_of_file(status.st_mode)}")
@@ -143,7 +143,7 @@ def bytes_beside(folder: Path, name: str, limit: int) -> bytes | None:
 
 
 @contextmanager
-def _opened(folder: Path, name: str) -> Iterator[int]:
+def _open_below(folder: Path, name: str) -> Iterator[int]:
     """The descriptor of a file below the folder, reached without following any link out of it.
 
     The folder is opened once and everything is found from there, so that nothing that is exchanged

@@ -119,9 +119,9 @@ class _Reader:
             raise _invalid(f"<{tag}> where <robot> begins")
         self._open.append(tag)
         if self._open == ["robot", "link"]:
-            self.links.append(_named(attributes, "name", "a link"))
+            self.links.append(_require_attribute(attributes, "name", "a link"))
         elif self._open == ["robot", "joint"]:
-            name = _named(attributes, "name", "a joint")
+            name = _require_attribute(attributes, "name", "a joint")
             self.joints.append(_Joint(name=name, type=attributes.get("type", "")))
         elif self._open[:2] == ["robot", "joint"] and len(self._open) == 3:
             self._part_of_joint(self.joints[-1], tag, attributes)
@@ -132,7 +132,7 @@ class _Reader:
     def _part_of_joint(self, joint: _Joint, tag: str, attributes: Mapping[str, str]) -> None:
         what = f"{tag} of joint {joint.name!r}"
         if tag in ("parent", "child"):
-            setattr(joint, tag, _named(attributes, "link", what))
+            setattr(joint, tag, _require_attribute(attributes, "link", what))
         elif tag == "origin":
             xyz = _vector(attributes.get("xyz", "0 0 0"), what)
             rpy = _vector(attributes.get("rpy", "0 0 0"), what)
@@ -144,7 +144,7 @@ class _Reader:
             joint.upper = _number(attributes["upper"], what) if "upper" in attributes else None
 
 
-def _named(attributes: Mapping[str, str], key: str, what: str) -> str:
+def _require_attribute(attributes: Mapping[str, str], key: str, what: str) -> str:
     if not attributes.get(key):
         raise _invalid(f"{what} without {key}")
     return attributes[key]
@@ -201,8 +201,12 @@ def _robot(reader: _Reader) -> UrdfRobot:
     if len(roots) != 1:
         raise _invalid(f"{len(roots)} links that no joint moves")
     frames = _frames(roots[0], moved)
-    found = [_moving(joint, frames[joint.child]) for joint in reader.joints if joint.type != _FIXED]
-    return UrdfRobot(root=roots[0], joints=tuple(found))
+    robots = [
+        _make_moving_joint(joint, frames[joint.child])
+        for joint in reader.joints
+        if joint.type != _FIXED
+    ]
+    return UrdfRobot(root=roots[0], joints=tuple(robots))
 
 
 def _frames(root: str, moved: Mapping[str, _Joint]) -> dict[str, Rows]:
@@ -222,7 +226,7 @@ def _frames(root: str, moved: Mapping[str, _Joint]) -> dict[str, Rows]:
     return frames
 
 
-def _moving(joint: _Joint, frame: Rows) -> UrdfJoint:
+def _make_moving_joint(joint: _Joint, frame: Rows) -> UrdfJoint:
     if joint.type not in JOINT_TYPES:
         raise _invalid(f"joint {joint.name!r} of type {joint.type[:40]!r}")
     if not any(joint.axis):

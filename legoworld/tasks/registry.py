@@ -23,39 +23,39 @@ def find_task(name: str) -> Task | None:
     """The task of a name, None for no task. InstallationError for one that cannot be loaded."""
     if name in _SHIPPED:
         return _SHIPPED[name]
-    found = _added().get(name, [])
-    if len(found) > 1:
-        packages = ", ".join(sorted(_package(entry) for entry in found))
+    entries = _added_entry_points().get(name, [])
+    if len(entries) > 1:
+        packages = ", ".join(sorted(_package(entry) for entry in entries))
         raise InstallationError(
             f"more than one package adds the task {name}",
             found=packages,
             expected="one",
             next_step="uninstall the others",
         )
-    return _loaded(found[0]) if found else None
+    return _load_task(entries[0]) if entries else None
 
 
 def task_named(name: str) -> Task:
     """The task of a name. UsageError for no task; the same error."""
-    found = find_task(name)
-    if found is None:
+    task = find_task(name)
+    if task is None:
         names = list(task_names())
         raise UsageError(
             f"unknown task {name!r}",
             expected=" or ".join(names),
             next_step=did_you_mean(name, names).strip(),
         )
-    return found
+    return task
 
 
-def family_of(task: str) -> Family:
+def find_family(task: str) -> Family:
     """The family of a task by its name. The same errors."""
     return task_named(task).family
 
 
 def task_names() -> tuple[str, ...]:
     """The names of all tasks, those that ship first; others by name."""
-    return (*_SHIPPED, *sorted(_added().keys() - _SHIPPED.keys()))
+    return (*_SHIPPED, *sorted(_added_entry_points().keys() - _SHIPPED.keys()))
 
 
 def known_tasks() -> tuple[Task, ...]:
@@ -80,22 +80,22 @@ def broken_tasks() -> list[InstallationError]:
     return errors
 
 
-def tasks_of(family: Family) -> tuple[Task, ...]:
+def family_tasks(family: Family) -> tuple[Task, ...]:
     """The tasks of one family."""
     return tuple(task for task in known_tasks() if task.family == family)
 
 
 @cache
-def _added() -> dict[str, list[EntryPoint]]:
+def _added_entry_points() -> dict[str, list[EntryPoint]]:
     """The entry points of installed packages, by task."""
-    found: dict[str, list[EntryPoint]] = {}
+    entries: dict[str, list[EntryPoint]] = {}
     for entry in entry_points(group=GROUP):
-        found.setdefault(entry.name, []).append(entry)
-    return found
+        entries.setdefault(entry.name, []).append(entry)
+    return entries
 
 
 @cache
-def _loaded(entry: EntryPoint) -> Task:
+def _load_task(entry: EntryPoint) -> Task:
     expected = f"a legoworld.tasks.task.Task named {entry.name!r}"
     try:
         value = entry.load()

@@ -23,7 +23,7 @@ from legoworld.tasks.registry import task_named
 from legoworld.track_making.family import TrackFamily
 from legoworld.tracks.dataset_versions import dataset_version
 from legoworld.tracks.source import Source
-from legoworld.tracks.vocabulary import categories_in, vocabulary_of
+from legoworld.tracks.vocabulary import categories_in, make_vocabulary
 
 #: The allowed keys of an image. LVIS's lists of verified categories count as annotations.
 _PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key not in PRIVATE_KEYS)
@@ -52,7 +52,7 @@ def annotation_source(task: str, path: Path) -> Source:
             expected="COCO or LVIS JSON with images and categories",
         ) from error
     categories = categories_in(document["categories"], str(path))
-    vocabulary = vocabulary_of(categories, str(path))
+    vocabulary = make_vocabulary(categories, str(path))
     if not isinstance(entries, list):
         raise CatalogError(
             f"{path} lists no images", found=type(entries).__name__, expected="a list"

@@ -13,13 +13,13 @@ from legoworld.evaluation.depth.eth3d import (
     PHOTOS,
     find_calibration,
     find_files,
+    parse_scene_name,
     photo_camera,
-    scene_of,
     scenes_below,
     training_images,
 )
 from legoworld.files import canonical_json, sha256_of_file
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.records.track import ImageInfo, Part
 from legoworld.tasks.shipped import ETH3D
 from legoworld.tracks.colmap import Calibration, CalibrationError, read_calibration
@@ -53,16 +53,16 @@ def eth3d_source(
             found=", ".join(there[:20]),
             expected="scenes with <scene>/dslr_calibration_jpg/{cameras,images}.txt",
         )
-    known = {scene_of(entry.file_name) for entry in training_images()}
+    known = {parse_scene_name(entry.file_name) for entry in training_images()}
     if dataset is None and any(scene in known for scene in scenes or there):
         return _eth3d(folder, there, scenes)
-    return _own(folder, there, scenes, dataset or folder.resolve().name)
+    return _own_source(folder, there, scenes, dataset or folder.resolve().name)
 
 
 def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> Source:
     """The present scenes of ETH3D; the track records what is left out."""
     shipped = training_images()
-    per_scene = Counter(str(scene_of(entry.file_name)) for entry in shipped)
+    per_scene = Counter(str(parse_scene_name(entry.file_name)) for entry in shipped)
     strangers = [scene for scene in scenes or there if scene not in per_scene]
     if scenes is not None and strangers:
         raise UsageError(
@@ -77,7 +77,7 @@ def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> 
     unlisted: list[str] = []
     covered: Counter[str] = Counter()
     for entry in shipped:
-        calibration = calibrations.get(str(scene_of(entry.file_name)))
+        calibration = calibrations.get(str(parse_scene_name(entry.file_name)))
         if calibration is None:
             continue
         name = PurePosixPath(entry.file_name).name
@@ -86,7 +86,7 @@ def _eth3d(folder: Path, there: Sequence[str], scenes: Sequence[str] | None) -> 
             continue
         size_wh = photo_camera(calibration, name).size_wh
         images.append(_image(entry.id, entry.file_name, size_wh))
-        covered[str(scene_of(entry.file_name))] += 1
+        covered[str(parse_scene_name(entry.file_name))] += 1
     empty = [scene for scene in taken if not covered[scene]]
     if empty:
         raise CatalogError(
@@ -124,14 +124,16 @@ def _coverage(
         of = len(taken) + len(left_out)
         yield f"{len(taken)} of ETH3D's {of} scenes; not covered: {', '.join(left_out)}"
     if unlisted:
-        photos = counted(len(unlisted), "photo is", "photos are")
+        photos = plural(len(unlisted), "photo is", "photos are")
         yield f"{photos} in no images.txt and left out, such as {unlisted[0]}"
     if strangers:
-        scenes = counted(len(strangers), "scene is", "scenes are")
+        scenes = plural(len(strangers), "scene is", "scenes are")
         yield f"{scenes} not ETH3D's and left out: {', '.join(strangers[:5])}"
 
 
-def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, dataset: str) -> Source:
+def _own_source(
+    folder: Path, there: Sequence[str], scenes: Sequence[str] | None, dataset: str
+) -> Source:
     """A user's dataset: every photo with a camera and a measured depth."""
     calibrations = {scene: _calibration(folder, scene) for scene in there}
     sizes_wh: dict[str, tuple[int, int]] = {}
@@ -147,12 +149,12 @@ def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, datas
                 without_depth.append(file_name)
             else:
                 sizes_wh[file_name] = photo_camera(calibration, name).size_wh
-    per_scene = Counter(str(scene_of(name)) for name in sizes_wh)
+    per_scene = Counter(str(parse_scene_name(name)) for name in sizes_wh)
     taken = sorted(set(scenes or there))
     chosen = tuple(
         _image(number, name, size_wh)
         for number, (name, size_wh) in enumerate(sorted(sizes_wh.items()), start=1)
-        if scene_of(name) in taken
+        if parse_scene_name(name) in taken
     )
     if not chosen:
         raise CatalogError(
@@ -161,7 +163,7 @@ def _own(folder: Path, there: Sequence[str], scenes: Sequence[str] | None, datas
             expected=f"<scene>/ground_truth_depth/{PHOTOS}/<photo>, raw float32",
         )
     notices = [
-        f"{counted(len(names), 'photo', 'photos')} {why}, such as {names[0]}"
+        f"{plural(len(names), 'photo', 'photos')} {why}, such as {names[0]}"
         for names, why in (
             (without_depth, "without a measured depth left out"),
             (elsewhere, f"not below {PHOTOS}/ left out"),

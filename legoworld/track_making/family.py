@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.errors import UsageError
-from legoworld.tasks.registry import family_of
+from legoworld.tasks.registry import find_family
 from legoworld.tracks.source import Source
 
 
@@ -24,9 +24,9 @@ class TrackFamily:
     options: frozenset[str] = frozenset()
 
 
-def track_of(task: str) -> TrackFamily:
+def load_track_family(task: str) -> TrackFamily:
     """The track making of a task. UsageError where tracks of it are not made from truth."""
-    family = family_of(task)
+    family = find_family(task)
     if family.track is None:
         raise UsageError(f"tracks of {task} are not made from ground truth", found=task)
     return family.load("track", TrackFamily)

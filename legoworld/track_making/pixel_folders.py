@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld.depth_files.reading import files_named
+from legoworld.depth_files.read_depth import files_named
 from legoworld.errors import CatalogError
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import canonical
 from legoworld.records.track import ImageInfo, Part
@@ -59,7 +59,7 @@ def pixel_folder_source(
                 expected="one",
             )
         whole = files[0].suffix not in read
-        width, height = _size_of(files[0], photos / name, arrays, whole=whole)
+        width, height = _read_size(files[0], photos / name, arrays, whole=whole)
         read.add(files[0].suffix)
         number = len(images) + 1
         images.append(ImageInfo(id=number, file_name=name, width=width, height=height))
@@ -69,7 +69,7 @@ def pixel_folder_source(
             found=f"nothing for {without[0]}" if without else "no photo",
             expected="<photo without extension>.npy, .npz, .pfm, .exr, .png, .pgm or .tiff",
         )
-    left_out = counted(len(without), "photo has", "photos have")
+    left_out = plural(len(without), "photo has", "photos have")
     notice = f"{left_out} no {noun} file and {'is' if len(without) == 1 else 'are'} left out"
     return Source(
         name=folder.resolve().name,
@@ -85,7 +85,7 @@ def pixel_folder_source(
     )
 
 
-def _size_of(path: Path, photo: Path, arrays: Arrays, *, whole: bool) -> tuple[int, int]:
+def _read_size(path: Path, photo: Path, arrays: Arrays, *, whole: bool) -> tuple[int, int]:
     """A file's (width, height), equal to the photo's. whole: read the whole file."""
     height, width = read_photo(photo).shape[:2]
     if whole:

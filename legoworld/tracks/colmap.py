@@ -115,7 +115,7 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
             camera_id, model = int(words[0]), words[1]
         except (IndexError, ValueError) as error:
             raise _unreadable(path, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS") from error
-        yield camera_id, _checked(Camera(model=model, size_wh=size_wh, params=params), path)
+        yield camera_id, _check_camera(Camera(model=model, size_wh=size_wh, params=params), path)
 
 
 def _text_images(path: Path) -> Iterator[tuple[str, int]]:
@@ -177,7 +177,7 @@ def _binary_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
             )
         model, count = BINARY_MODELS[model_id]
         camera = Camera(model=model, size_wh=(width, height), params=take(f"<{count}d"))
-        yield camera_id, _checked(camera, path)
+        yield camera_id, _check_camera(camera, path)
 
 
 def _binary_images(path: Path) -> Iterator[tuple[str, int]]:
@@ -222,7 +222,7 @@ def _reader(path: Path) -> Callable[[str], tuple[Any, ...]]:
     return take
 
 
-def _checked(camera: Camera, path: Path) -> Camera:
+def _check_camera(camera: Camera, path: Path) -> Camera:
     if min(camera.size_wh) < 1 or not all(map(math.isfinite, camera.params)):
         raise CalibrationError(
             f"{path.name} has a camera that cannot be used",

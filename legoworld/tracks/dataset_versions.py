@@ -7,7 +7,7 @@ from legoworld.tasks.registry import find_task
 from legoworld.tracks.vocabulary import Vocabulary, load
 
 
-def dataset_of(task: str) -> str:
+def find_dataset(task: str) -> str:
     """The dataset whose tracks, categories and truth a task uses; an unknown task is its own."""
     known = find_task(task)
     return known.dataset.name if known else task

@@ -38,11 +38,11 @@ def strangers(
     return [Stranger(folder=name, meant=_meant(name, by_key, absent)) for name in left]
 
 
-def lower_top(found: Sequence[Stranger]) -> str | None:
+def lower_top(strangers: Sequence[Stranger]) -> str | None:
     """The folder below SCENES that contains the scenes under their correct names, or None."""
     tops = {
         s.folder.removesuffix(s.meant).rstrip("/")
-        for s in found
+        for s in strangers
         if s.meant is not None and s.folder.endswith(f"/{s.meant}")
     }
     return tops.pop() if len(tops) == 1 else None

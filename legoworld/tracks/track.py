@@ -10,11 +10,11 @@ from pathlib import Path, PurePosixPath
 from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
-from legoworld.records.repeats import repeated
+from legoworld.records.repeats import find_repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
 from legoworld.remote import Place, folders_holding
-from legoworld.tracks.dataset_versions import dataset_of
-from legoworld.tracks.vocabulary import Vocabulary, vocabulary_of
+from legoworld.tracks.dataset_versions import find_dataset
+from legoworld.tracks.vocabulary import Vocabulary, make_vocabulary
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
 _BESIDE_A_SCENE = ("final.png", "scene.py", "labels.json", "provenance.json", "frozen.json",
@@ -70,7 +70,7 @@ def load_track(path: Path, called: str | None = None) -> Track:
     made_for = (file.info or {}).get("task")
     return Track(
         images=tuple(images),
-        vocabulary=vocabulary_of(file.categories, source) if file.categories else None,
+        vocabulary=make_vocabulary(file.categories, source) if file.categories else None,
         sha256=sha256_of_file(path),
         made_for=None if made_for is None else str(made_for),
     )
@@ -78,7 +78,7 @@ def load_track(path: Path, called: str | None = None) -> Track:
 
 def serves(track: Track, task: str) -> bool:
     """Whether a track belongs to a task's dataset; COCO boxes and masks share one."""
-    return track.made_for is None or dataset_of(track.made_for) == dataset_of(task)
+    return track.made_for is None or find_dataset(track.made_for) == find_dataset(task)
 
 
 def track_of_folder(scenes: Place) -> Track:
@@ -159,7 +159,7 @@ def _image(info: ImageInfo, source: str) -> TrackImage:
     )
 
 
-def scene_of(info: ImageInfo) -> str:
+def photo_scene_name(info: ImageInfo) -> str:
     """The scene folder of an image's photo; a photo in several datasets has one."""
     return scene_name(_file_name(info))
 
@@ -194,7 +194,7 @@ def _refuse_annotations(file: TrackFile, source: str) -> None:
 def _refuse_duplicates(images: list[TrackImage], source: str) -> None:
     for attribute in ("id", "file_name", "scene"):
         values = [getattr(image, attribute) for image in images]
-        if twice := repeated(values):
+        if twice := find_repeated(values):
             raise CatalogError(
                 f"the track {source} lists an image twice",
                 found=f"{attribute} {twice[0]!r}",

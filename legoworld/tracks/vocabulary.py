@@ -11,7 +11,7 @@ from typing import Final
 from legoworld.errors import CatalogError
 from legoworld.files import Json, canonical_json, sha256_of_text
 from legoworld.records.base import RecordError, read_json, to_record
-from legoworld.records.repeats import repeated
+from legoworld.records.repeats import find_repeated
 from legoworld.records.track import CategoryInfo
 
 #: Maximum number of cached matches: a scene may contain any number of labels.
@@ -60,7 +60,7 @@ class Vocabulary:
         """The names of all categories that a bare word may mean; empty without `bare_words`."""
         return sorted(self._bare_words.get(normal_name(text), ()))
 
-    def bare_words_of(self, category: Category) -> tuple[str, ...]:
+    def list_bare_words(self, category: Category) -> tuple[str, ...]:
         """The bare word of a category, as a sequence of at most one."""
         return tuple(word for word, owner in self._by_bare_word.items() if owner is category)
 
@@ -76,7 +76,7 @@ class Vocabulary:
             self._near[key] = list(dict.fromkeys(names))[:n]
         return list(self._near[key])
 
-    def name_of(self, category_id: int) -> str:
+    def category_name(self, category_id: int) -> str:
         """The name of a category id of this vocabulary."""
         return self._names[category_id]
 
@@ -144,7 +144,7 @@ def _bare_word(name: str) -> str | None:
     return word.strip() or None if bracket else None
 
 
-def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
+def make_vocabulary(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
     """A vocabulary from a file's categories. Raises CatalogError for a repeated id or name."""
     if not entries:
         raise CatalogError(
@@ -158,7 +158,7 @@ def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
     )
     for attribute in ("id", "name"):
         values = [normal_name(c.name) if attribute == "name" else c.id for c in categories]
-        if twice := repeated(values):
+        if twice := find_repeated(values):
             raise CatalogError(
                 f"{source} has a category {attribute} twice",
                 found=repr(twice[0]),
@@ -169,7 +169,7 @@ def vocabulary_of(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
 
 def from_json(entries: Json, source: str) -> Vocabulary:
     """A vocabulary from COCO-style category entries. Raises CatalogError for unusable ones."""
-    return vocabulary_of(categories_in(entries, source), source)
+    return make_vocabulary(categories_in(entries, source), source)
 
 
 def categories_in(entries: Json, source: str) -> tuple[CategoryInfo, ...]:

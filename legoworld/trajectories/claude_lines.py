@@ -13,18 +13,24 @@ import msgspec
 
 from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall
 from legoworld.records.base import UNSET, UnsetType
-from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of, rest_of
+from legoworld.trajectories.steps import (
+    ParsedStep,
+    ParsedTranscript,
+    parse_arguments,
+    parse_content,
+    remaining_fields,
+)
 
 
-def claude_steps(lines: list[Any]) -> Reading:
+def claude_steps(lines: list[Any]) -> ParsedTranscript:
     """The steps of a Claude Code transcript.
 
     One message of the model may come in several lines, each with some of its blocks and all of its
     usage: they are one step, and its tokens count once.
     """
-    reading = Reading()
-    of_message: dict[str, Read] = {}
-    of_call: dict[str, Read] = {}
+    reading = ParsedTranscript()
+    of_message: dict[str, ParsedStep] = {}
+    of_call: dict[str, ParsedStep] = {}
     for event in lines:
         kind = event.get("type") if isinstance(event, dict) else None
         message = event.get("message") if isinstance(event, dict) else None
@@ -38,24 +44,24 @@ def claude_steps(lines: list[Any]) -> Reading:
             if kind == "system":
                 reading.session_id = event.get("session_id") or reading.session_id
                 reading.model = event.get("model") or reading.model
-            reading.odd(event)
+            reading.keep_unknown(event)
     return reading
 
 
 def _model_said(
-    reading: Reading,
+    reading: ParsedTranscript,
     event: dict[str, Any],
     message: dict[str, Any],
-    of_message: MutableMapping[str, Read],
-    of_call: MutableMapping[str, Read],
+    of_message: MutableMapping[str, ParsedStep],
+    of_call: MutableMapping[str, ParsedStep],
 ) -> None:
     identity = str(message.get("id") or len(reading.steps))
     step = of_message.get(identity)
     if step is None:
-        step = of_message[identity] = Read(source="agent")
+        step = of_message[identity] = ParsedStep(source="agent")
         step.extra = {
-            "message": rest_of(message, "content", "usage", "model"),
-            "event": rest_of(event, "message", "type", "timestamp"),
+            "message": remaining_fields(message, "content", "usage", "model"),
+            "event": remaining_fields(event, "message", "type", "timestamp"),
         }
         reading.steps.append(step)
     step.model = message.get("model") or step.model
@@ -68,34 +74,37 @@ def _model_said(
         _block(step, block, of_call)
 
 
-def _block(step: Read, block: Any, of_call: MutableMapping[str, Read]) -> None:
+def _block(step: ParsedStep, block: Any, of_call: MutableMapping[str, ParsedStep]) -> None:
     kind = block.get("type") if isinstance(block, dict) else None
     if kind == "text":
         step.message = "\n".join(filter(None, [str(step.message), str(block.get("text") or "")]))
     elif kind == "thinking":
         step.reasoning = "\n".join(filter(None, [step.reasoning, str(block.get("thinking"))]))
-        if more := rest_of(block, "type", "thinking"):
+        if more := remaining_fields(block, "type", "thinking"):
             step.extra.setdefault("blocks", []).append(more)
     elif kind in ("tool_use", "server_tool_use") and isinstance(block.get("id"), str):
         call = AtifToolCall(
             tool_call_id=block["id"],
             function_name=str(block.get("name")),
-            arguments=arguments_of(block.get("input")),
+            arguments=parse_arguments(block.get("input")),
         )
         step.calls.append(call)
         of_call[call.tool_call_id] = step
-        if more := rest_of(block, "type", "id", "name", "input"):
+        if more := remaining_fields(block, "type", "id", "name", "input"):
             step.extra.setdefault("blocks", []).append(more)
     else:
         step.extra.setdefault("blocks", []).append(block)
 
 
 def _came_back(
-    reading: Reading, event: dict[str, Any], message: dict[str, Any], of_call: Mapping[str, Read]
+    reading: ParsedTranscript,
+    event: dict[str, Any],
+    message: dict[str, Any],
+    of_call: Mapping[str, ParsedStep],
 ) -> None:
     content = message.get("content")
     if isinstance(content, str):
-        reading.steps.append(Read(source="user", message=content, extra={"event": event}))
+        reading.steps.append(ParsedStep(source="user", message=content, extra={"event": event}))
         return
     others = []
     for block in content if isinstance(content, list) else []:
@@ -103,18 +112,18 @@ def _came_back(
         if calling is None:
             others.append(block)
             continue
-        more = rest_of(block, "type", "tool_use_id", "content", "is_error")
-        about = rest_of(event, "message", "type", "session_id")
+        more = remaining_fields(block, "type", "tool_use_id", "content", "is_error")
+        about = remaining_fields(event, "message", "type", "session_id")
         calling.results.append(
             AtifResult(
                 source_call_id=str(block["tool_use_id"]),
-                content=content_of(block.get("content")),
+                content=parse_content(block.get("content")),
                 extra={"is_error": bool(block.get("is_error")), **more, "event": about},
             )
         )
     if others or not isinstance(content, list):
         event = {**event, "message": {**message, "content": others}}
-        reading.steps.append(Read(source="user", extra={"event": event}))
+        reading.steps.append(ParsedStep(source="user", extra={"event": event}))
 
 
 def _metrics(usage: Mapping[str, Any]) -> AtifMetrics:
@@ -129,7 +138,7 @@ def _metrics(usage: Mapping[str, Any]) -> AtifMetrics:
     )
 
 
-def _result(reading: Reading, event: dict[str, Any]) -> None:
+def _result(reading: ParsedTranscript, event: dict[str, Any]) -> None:
     reading.session_id = event.get("session_id") or reading.session_id
     usage = event.get("usage")
     if isinstance(usage, dict):
@@ -142,10 +151,12 @@ def _result(reading: Reading, event: dict[str, Any]) -> None:
             total_cost_usd=float(cost) if isinstance(cost, int | float) else None,
         )
         _drop_placeholders(reading, whole.completion_tokens)
-    reading.odd(event)
+    reading.keep_unknown(event)
 
 
-def _drop_placeholders(reading: Reading, completion_tokens: int | UnsetType | None) -> None:
+def _drop_placeholders(
+    reading: ParsedTranscript, completion_tokens: int | UnsetType | None
+) -> None:
     """Leave a step's output tokens out where they do not sum to the session's.
 
     Without partial messages a line has the usage that its message began with: an output of 1.

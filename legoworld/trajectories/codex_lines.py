@@ -10,7 +10,13 @@ from typing import Any, Final
 
 from legoworld.files import Json
 from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall, Content
-from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of, rest_of
+from legoworld.trajectories.steps import (
+    ParsedStep,
+    ParsedTranscript,
+    parse_arguments,
+    parse_content,
+    remaining_fields,
+)
 
 #: The parts of an item that say what was asked for, of items that are calls in all but name.
 _ASKED: Final = {
@@ -22,14 +28,14 @@ _ASKED: Final = {
 _MESSAGES: Final = ("agent_message", "assistant_message")
 
 
-def codex_steps(lines: list[Any]) -> Reading:
+def codex_steps(lines: list[Any]) -> ParsedTranscript:
     """The steps of a Codex transcript.
 
     An item that was started and never completed (the agent was ended) is a call without a result.
     Tokens are counted a turn: they are a step's where it is the turn's only one, and otherwise no
     step's. The totals have them all.
     """
-    reading = Reading()
+    reading = ParsedTranscript()
     open_items: dict[str, dict[str, Any]] = {}
     used, turn_began = [0, 0, 0], 0
     for event in lines:
@@ -37,8 +43,8 @@ def codex_steps(lines: list[Any]) -> Reading:
         item = event.get("item") if isinstance(event, dict) else None
         if kind == "thread.started" and isinstance(event.get("thread_id"), str):
             reading.session_id = event["thread_id"]
-            if more := rest_of(event, "type", "thread_id"):
-                reading.odd({"type": kind, **more})
+            if more := remaining_fields(event, "type", "thread_id"):
+                reading.keep_unknown({"type": kind, **more})
         elif kind in ("item.started", "item.updated") and isinstance(item, dict):
             open_items[str(item.get("id"))] = item
         elif kind == "item.completed" and isinstance(item, dict):
@@ -50,7 +56,7 @@ def codex_steps(lines: list[Any]) -> Reading:
         elif kind == "turn.started" and set(event) == {"type"}:
             continue
         else:
-            reading.odd(event)
+            reading.keep_unknown(event)
     reading.steps += [_step(item) for item in open_items.values()]
     if any(used):
         prompt, cached, completion = used
@@ -62,32 +68,36 @@ def codex_steps(lines: list[Any]) -> Reading:
     return reading
 
 
-def _step(item: dict[str, Any]) -> Read:
+def _step(item: dict[str, Any]) -> ParsedStep:
     kind = str(item.get("type") or item.get("item_type"))
-    more = rest_of(item, "text", "type", "item_type")
+    more = remaining_fields(item, "text", "type", "item_type")
     if kind in _MESSAGES:
-        return Read(source="agent", message=str(item.get("text", "")), extra={"item": more})
+        return ParsedStep(source="agent", message=str(item.get("text", "")), extra={"item": more})
     if kind == "reasoning":
-        return Read(source="agent", reasoning=str(item.get("text", "")), extra={"item": more})
+        return ParsedStep(source="agent", reasoning=str(item.get("text", "")), extra={"item": more})
     identity = str(item.get("id", ""))
     if kind == "mcp_tool_call":
         call = AtifToolCall(
             tool_call_id=identity,
             function_name=str(item.get("tool")),
-            arguments=arguments_of(item.get("arguments")),
+            arguments=parse_arguments(item.get("arguments")),
             extra={"server": item.get("server")},
         )
-        return _called(call, _mcp_result(item), rest_of(more, "tool", "arguments", "server"))
+        return _call_step(
+            call, _mcp_result(item), remaining_fields(more, "tool", "arguments", "server")
+        )
     if kind in _ASKED:
         asked = {key: item[key] for key in _ASKED[kind] if key in item}
         call = AtifToolCall(tool_call_id=identity, function_name=kind, arguments=asked)
-        return _called(call, content_of(item.get("aggregated_output")), rest_of(more, *asked))
-    return Read(source="system", message=kind, extra={"item": item})
+        return _call_step(
+            call, parse_content(item.get("aggregated_output")), remaining_fields(more, *asked)
+        )
+    return ParsedStep(source="system", message=kind, extra={"item": item})
 
 
-def _called(call: AtifToolCall, content: Content | None, more: Mapping[str, Json]) -> Read:
-    step = Read(source="agent", calls=[call])
-    more = rest_of(more, "aggregated_output", "id")
+def _call_step(call: AtifToolCall, content: Content | None, more: Mapping[str, Json]) -> ParsedStep:
+    step = ParsedStep(source="agent", calls=[call])
+    more = remaining_fields(more, "aggregated_output", "id")
     if content is not None or more.get("status") in ("completed", "failed"):
         result = AtifResult(
             source_call_id=call.tool_call_id,
@@ -104,14 +114,16 @@ def _mcp_result(item: dict[str, Any]) -> Content | None:
     if isinstance(error, dict) and "message" in error:
         return str(error["message"])
     if isinstance(result, dict):
-        return content_of(result.get("content"))
-    return content_of(result)
+        return parse_content(result.get("content"))
+    return parse_content(result)
 
 
-def _add_usage(reading: Reading, event: dict[str, Any], used: list[int], turn_began: int) -> None:
+def _add_usage(
+    reading: ParsedTranscript, event: dict[str, Any], used: list[int], turn_began: int
+) -> None:
     usage = event.get("usage")
     if not isinstance(usage, dict):
-        reading.odd(event)
+        reading.keep_unknown(event)
         return
     counts = [
         int(usage.get(key) or 0) for key in ("input_tokens", "cached_input_tokens", "output_tokens")
@@ -119,7 +131,7 @@ def _add_usage(reading: Reading, event: dict[str, Any], used: list[int], turn_be
     used[:] = [before + now for before, now in zip(used, counts, strict=True)]
     acting = [step for step in reading.steps[turn_began:] if step.source == "agent"]
     if len(acting) != 1:
-        reading.odd(event)
+        reading.keep_unknown(event)
         return
     acting[0].metrics = AtifMetrics(
         prompt_tokens=counts[0],
@@ -127,5 +139,5 @@ def _add_usage(reading: Reading, event: dict[str, Any], used: list[int], turn_be
         completion_tokens=counts[2],
         extra={"usage": usage},
     )
-    if more := rest_of(event, "type", "usage"):
-        reading.odd({"type": "turn.completed", **more})
+    if more := remaining_fields(event, "type", "usage"):
+        reading.keep_unknown({"type": "turn.completed", **more})

@@ -46,7 +46,7 @@ def score_trajectory(trajectory: Trajectory) -> TrajectoryScore:
     """
     scenes = [*trajectory.checkpoints, trajectory.final]
     eligible = [scene for scene in scenes if scene.Q is not None]
-    edits = edits_of(scenes)
+    edits = list_edits(scenes)
     final_q = trajectory.final.Q or 0.0
     best = max(eligible, key=lambda scene: scene.Q or 0.0, default=None)
     best_q = best.Q if best else None
@@ -73,7 +73,7 @@ def score_trajectory(trajectory: Trajectory) -> TrajectoryScore:
     )
 
 
-def edits_of(scenes: Sequence[ScoredScene]) -> list[Edit]:
+def list_edits(scenes: Sequence[ScoredScene]) -> list[Edit]:
     """Consecutive eligible scenes. A submission equal to the last checkpoint is no edit."""
     edits, before, skipped = [], None, 0
     for scene in scenes:
@@ -158,7 +158,7 @@ def q_at(score: TrajectoryScore, axis: Axis, share: float) -> float | None:
         return score.final_q
     q = 0.0
     for scene in score.scenes[:-1]:
-        at = share_of(scene.when, axis)
+        at = axis_share(scene.when, axis)
         if at is None:
             return None
         if at <= share and scene.Q is not None:
@@ -166,7 +166,7 @@ def q_at(score: TrajectoryScore, axis: Axis, share: float) -> float | None:
     return q
 
 
-def share_of(when: Moment, axis: Axis) -> float | None:
+def axis_share(when: Moment, axis: Axis) -> float | None:
     """Position on one of the three axes."""
     if axis == "tokens":
         return when.tokens_share

@@ -8,30 +8,38 @@ from __future__ import annotations
 from typing import Any
 
 from legoworld.records.atif import AtifFinalMetrics, AtifMetrics, AtifResult, AtifToolCall
-from legoworld.trajectories.steps import Read, Reading, arguments_of, content_of, rest_of
+from legoworld.trajectories.steps import (
+    ParsedStep,
+    ParsedTranscript,
+    parse_arguments,
+    parse_content,
+    remaining_fields,
+)
 
 
-def gemini_steps(lines: list[Any]) -> Reading:
+def gemini_steps(lines: list[Any]) -> ParsedTranscript:
     """The steps of a Gemini CLI transcript: init, message, tool_use, tool_result, result.
 
     The pieces of a streamed message (`delta`) are one step, up to the next event of another kind.
     """
-    reading = Reading()
-    of_call: dict[str, Read] = {}
-    streamed: Read | None = None
+    reading = ParsedTranscript()
+    of_call: dict[str, ParsedStep] = {}
+    streamed: ParsedStep | None = None
     for event in lines:
         kind = event.get("type") if isinstance(event, dict) else None
         if kind == "message" and event.get("role") in ("assistant", "model"):
             last = reading.steps[-1] if reading.steps else None
             if last is not None and last is streamed and event.get("delta"):
-                last.message = f"{last.message}{content_of(event.get('content')) or ''}"
+                last.message = f"{last.message}{parse_content(event.get('content')) or ''}"
                 continue
             reading.steps.append(
-                Read(
+                ParsedStep(
                     source="agent",
-                    message=content_of(event.get("content")) or "",
+                    message=parse_content(event.get("content")) or "",
                     timestamp=event.get("timestamp"),
-                    extra={"event": rest_of(event, "type", "role", "content", "timestamp")},
+                    extra={
+                        "event": remaining_fields(event, "type", "role", "content", "timestamp")
+                    },
                 )
             )
             streamed = reading.steps[-1] if event.get("delta") else None
@@ -39,16 +47,18 @@ def gemini_steps(lines: list[Any]) -> Reading:
             call = AtifToolCall(
                 tool_call_id=event["tool_id"],
                 function_name=str(event.get("tool_name")),
-                arguments=arguments_of(event.get("parameters")),
+                arguments=parse_arguments(event.get("parameters")),
             )
-            step = Read(source="agent", calls=[call], timestamp=event.get("timestamp"))
-            more = rest_of(event, "type", "tool_id", "tool_name", "parameters", "timestamp")
+            step = ParsedStep(source="agent", calls=[call], timestamp=event.get("timestamp"))
+            more = remaining_fields(
+                event, "type", "tool_id", "tool_name", "parameters", "timestamp"
+            )
             step.extra = {"event": more} if more else {}
             of_call[call.tool_call_id] = step
             reading.steps.append(step)
         elif kind == "tool_result" and str(event.get("tool_id")) in of_call:
-            said = content_of(event.get("output"))
-            more = rest_of(event, "type", "tool_id", "output")
+            said = parse_content(event.get("output"))
+            more = remaining_fields(event, "type", "tool_id", "output")
             failed = event.get("status") == "error"
             of_call[event["tool_id"]].results.append(
                 AtifResult(
@@ -67,56 +77,59 @@ def gemini_steps(lines: list[Any]) -> Reading:
                     total_completion_tokens=stats.get("output_tokens"),
                     total_cached_tokens=stats.get("cached"),
                 )
-            reading.odd(event)
+            reading.keep_unknown(event)
     return reading
 
 
-def opencode_steps(lines: list[Any]) -> Reading:
+def opencode_steps(lines: list[Any]) -> ParsedTranscript:
     """The steps of an OpenCode transcript: text, tool_use and step_finish, each with a part."""
-    reading = Reading()
+    reading = ParsedTranscript()
     for event in lines:
         kind = event.get("type") if isinstance(event, dict) else None
         part = event.get("part") if isinstance(event, dict) else None
         if isinstance(event, dict):
             reading.session_id = event.get("sessionID") or reading.session_id
         if kind == "text" and isinstance(part, dict):
-            more = {"event": rest_of(event, "part"), "part": rest_of(part, "text")}
+            more = {
+                "event": remaining_fields(event, "part"),
+                "part": remaining_fields(part, "text"),
+            }
             reading.steps.append(
-                Read(source="agent", message=str(part.get("text", "")), extra=more)
+                ParsedStep(source="agent", message=str(part.get("text", "")), extra=more)
             )
         elif kind == "tool_use" and isinstance(part, dict):
             reading.steps.append(_opencode_call(event, part))
         elif kind == "step_finish" and isinstance(part, dict):
             _opencode_usage(reading, part)
-            reading.odd(event)
+            reading.keep_unknown(event)
         else:
-            reading.odd(event)
+            reading.keep_unknown(event)
     return reading
 
 
-def _opencode_call(event: dict[str, Any], part: dict[str, Any]) -> Read:
+def _opencode_call(event: dict[str, Any], part: dict[str, Any]) -> ParsedStep:
     state = part.get("state")
     state = state if isinstance(state, dict) else {}
     call = AtifToolCall(
         tool_call_id=str(part.get("callID") or part.get("id")),
         function_name=str(part.get("tool")),
-        arguments=arguments_of(state.get("input")),
+        arguments=parse_arguments(state.get("input")),
     )
     failed = state.get("status") == "error"
     result = AtifResult(
         source_call_id=call.tool_call_id,
-        content=content_of(state.get("error") if failed else state.get("output")),
+        content=parse_content(state.get("error") if failed else state.get("output")),
         extra={"is_error": failed},
     )
     more = {
-        "event": rest_of(event, "part"),
-        "part": rest_of(part, "state", "callID", "tool"),
-        "state": rest_of(state, "input", "output", "error"),
+        "event": remaining_fields(event, "part"),
+        "part": remaining_fields(part, "state", "callID", "tool"),
+        "state": remaining_fields(state, "input", "output", "error"),
     }
-    return Read(source="agent", calls=[call], results=[result], extra=more)
+    return ParsedStep(source="agent", calls=[call], results=[result], extra=more)
 
 
-def _opencode_usage(reading: Reading, part: dict[str, Any]) -> None:
+def _opencode_usage(reading: ParsedTranscript, part: dict[str, Any]) -> None:
     tokens, acting = part.get("tokens"), [s for s in reading.steps if s.source == "agent"]
     if not isinstance(tokens, dict) or not acting:
         return

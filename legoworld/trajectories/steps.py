@@ -20,7 +20,7 @@ from legoworld.records.base import UNSET
 
 
 @dataclass(kw_only=True)
-class Read:
+class ParsedStep:
     """One step as far as it was read. extra: what ATIF has no field for."""
 
     source: Literal["system", "user", "agent"]
@@ -51,37 +51,37 @@ class Read:
 
 
 @dataclass(kw_only=True)
-class Reading:
+class ParsedTranscript:
     """A transcript as far as it was read."""
 
-    steps: list[Read] = field(default_factory=list)
+    steps: list[ParsedStep] = field(default_factory=list)
     session_id: str | None = None
     model: str | None = None
     notes: str | None = None
     total: AtifFinalMetrics | None = None
 
-    def odd(self, event: Json) -> None:
+    def keep_unknown(self, event: Json) -> None:
         """Keep an event without a matching field, or a line that is not an event."""
         if isinstance(event, dict):
             kind = str(event.get("type", "event"))
-            self.steps.append(Read(source="system", message=kind, extra={"event": event}))
+            self.steps.append(ParsedStep(source="system", message=kind, extra={"event": event}))
         else:
-            self.steps.append(Read(source="system", message=str(event)))
+            self.steps.append(ParsedStep(source="system", message=str(event)))
 
 
-def arguments_of(value: Json) -> dict[str, Any]:
+def parse_arguments(value: Json) -> dict[str, Any]:
     """A call's arguments as an object; any other value is stored under one key."""
     if isinstance(value, dict):
         return value
     return {} if value is None else {"value": value}
 
 
-def rest_of(event: Mapping[str, Json], *lifted: str) -> dict[str, Any]:
+def remaining_fields(event: Mapping[str, Json], *lifted: str) -> dict[str, Any]:
     """An event without the named keys."""
     return {key: value for key, value in event.items() if key not in lifted}
 
 
-def content_of(value: Json) -> Content | None:
+def parse_content(value: Json) -> Content | None:
     """Text, or a list of parts, as ATIF has it. Pictures stay in the transcript itself.
 
     A part of MCP or of a model's API is turned into ATIF's: {"type": "text", "text": ...}.

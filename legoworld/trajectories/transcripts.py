@@ -29,9 +29,9 @@ from legoworld.records.base import UNSET, RecordError, UnsetType, decode
 from legoworld.trajectories.claude_lines import claude_steps
 from legoworld.trajectories.codex_lines import codex_steps
 from legoworld.trajectories.event_lines import gemini_steps, opencode_steps
-from legoworld.trajectories.steps import Read, Reading
+from legoworld.trajectories.steps import ParsedStep, ParsedTranscript
 
-_LINES: Final[Mapping[str, Callable[[list[Any]], Reading]]] = {
+_LINES: Final[Mapping[str, Callable[[list[Any]], ParsedTranscript]]] = {
     "codex": codex_steps,
     "claude": claude_steps,
     "gemini": gemini_steps,
@@ -59,9 +59,11 @@ def read_transcript(
     data = path.read_bytes() if path is not None and path.is_file() else b""
     if kind == "atif":
         try:
-            return _numbered(decode(AtifTrajectory, data))
+            return _number_steps(decode(AtifTrajectory, data))
         except RecordError as error:
-            return _document(agent, version, prompt, Reading(notes=f"no transcript: {error}"))
+            return _document(
+                agent, version, prompt, ParsedTranscript(notes=f"no transcript: {error}")
+            )
     reading = _LINES[kind](parsed_lines(data))
     return _document(agent, version, prompt, reading)
 
@@ -97,16 +99,16 @@ def parsed_lines(data: bytes) -> list[Any]:
     return values
 
 
-def usage_of(trajectory: AtifTrajectory) -> Usage:
+def total_usage(trajectory: AtifTrajectory) -> Usage:
     """Tokens and cost of a trajectory: its own totals, or the sum over its steps."""
     total = trajectory.final_metrics or None
     steps = [step.metrics for step in trajectory.steps if step.metrics]
 
     def summed(whole: str, each: str) -> Any:
-        given = _said(getattr(total, whole, None))
+        given = _none_if_unset(getattr(total, whole, None))
         if given is not None:
             return given
-        values = [value for m in steps if (value := _said(getattr(m, each))) is not None]
+        values = [value for m in steps if (value := _none_if_unset(getattr(m, each))) is not None]
         return sum(values) if values else None
 
     return Usage(
@@ -117,12 +119,12 @@ def usage_of(trajectory: AtifTrajectory) -> Usage:
     )
 
 
-def _said(value: Any) -> Any:
+def _none_if_unset(value: Any) -> Any:
     return None if isinstance(value, UnsetType) else value
 
 
-def _document(agent: str, version: str, prompt: str, reading: Reading) -> AtifTrajectory:
-    steps = [Read(source="user", message=prompt), *reading.steps]
+def _document(agent: str, version: str, prompt: str, reading: ParsedTranscript) -> AtifTrajectory:
+    steps = [ParsedStep(source="user", message=prompt), *reading.steps]
     total = reading.total
     return AtifTrajectory(
         schema_version=ATIF_VERSION,
@@ -134,8 +136,8 @@ def _document(agent: str, version: str, prompt: str, reading: Reading) -> AtifTr
     )
 
 
-def _numbered(found: AtifTrajectory) -> AtifTrajectory:
+def _number_steps(trajectory: AtifTrajectory) -> AtifTrajectory:
     steps: list[AtifStep] = [
-        replace(step, step_id=number) for number, step in enumerate(found.steps, start=1)
+        replace(step, step_id=number) for number, step in enumerate(trajectory.steps, start=1)
     ]
-    return replace(found, steps=steps)
+    return replace(trajectory, steps=steps)

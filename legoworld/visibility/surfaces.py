@@ -156,7 +156,7 @@ def _array(
         raise ShapeError(
             f"{name} is not an array",
             found=type(array).__name__,
-            expected=_described(dtype, shape),
+            expected=_describe_array(dtype, shape),
         )
     fits = array.ndim == len(shape) and all(
         n is None or n == actual for n, actual in zip(shape, array.shape, strict=True)
@@ -165,14 +165,14 @@ def _array(
         raise ShapeError(
             f"{name} has the wrong type or shape",
             found=f"{array.dtype.name} of shape {array.shape}",
-            expected=_described(dtype, shape),
+            expected=_describe_array(dtype, shape),
         )
     if not array.flags.c_contiguous:
         raise ShapeError(f"{name} is not C-contiguous", next_step="pass np.ascontiguousarray(...)")
     return array
 
 
-def _described(dtype: DTypeLike, shape: tuple[int | None, ...]) -> str:
+def _describe_array(dtype: DTypeLike, shape: tuple[int | None, ...]) -> str:
     sides = ", ".join("any" if n is None else str(n) for n in shape)
     return f"{np.dtype(dtype).name} of shape ({sides})"
 

@@ -44,7 +44,7 @@ _ABOUT_DEVICES: Final = (
 _NOT_INSTALLED: Final = "bubblewrap is not installed"
 _PROBE_WITHIN_S: Final = 20.0
 _PACKAGE: Final = Path(__file__).parents[1]
-_WITNESS: Final = Path(__file__).with_name("witness.py")
+_EXIT_REPORTER: Final = Path(__file__).with_name("exit_reporter.py")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,19 @@ def find_bubblewrap() -> Bubblewrap | str:
         return _NOT_INSTALLED
     try:
         version = _output([program, "--version"]).split()[-1]
-        _output([program, *_namespaces(), *_shown([]), "--", sys.executable, "-I", "-S", "-c", ""])
+        _output(
+            [
+                program,
+                *_namespaces(),
+                *_expose_paths([]),
+                "--",
+                sys.executable,
+                "-I",
+                "-S",
+                "-c",
+                "",
+            ]
+        )
     except (OSError, subprocess.SubprocessError, IndexError) as error:
         words = getattr(error, "stderr", None) or cause(error)
         return one_line(f"bubblewrap cannot make namespaces here: {words}", 200)
@@ -77,7 +89,7 @@ def how_to_have(why_not: str) -> str:
     return "allow user namespaces on this machine, or in its container; docs/sandbox.md"
 
 
-def confined(
+def confine(
     bubblewrap: Bubblewrap,
     argv: Sequence[str],
     *,
@@ -95,10 +107,10 @@ def confined(
     one it starts in an empty folder. read_only: files and folders it can read besides Python,
     Blender and the system's libraries. network: shared with the machine. writable: further folders
     it can write to, under their own names. accelerators: it has the machine's GPUs. How `argv` ends
-    is said on descriptor 3 (witness.py).
+    is said on descriptor 3 (exit_reporter.py).
     """
-    devices = _there(_accelerators()) if accelerators else []
-    about_devices = _there(_ABOUT_DEVICES) if accelerators else []
+    devices = _existing(_accelerators()) if accelerators else []
+    about_devices = _existing(_ABOUT_DEVICES) if accelerators else []
     return [
         bubblewrap.program,
         *_namespaces(),
@@ -106,14 +118,14 @@ def confined(
         "--bind", str(scratch), str(INSIDE),
         "--bind", str(scratch / "temporary"), str(TEMPORARY_INSIDE),
         "--bind", str(scratch / "shared"), str(_SHARED_MEMORY_INSIDE),
-        *_shown([*read_only, *about_devices, *(_there(_NETWORK) if network else ())]),
+        *_expose_paths([*read_only, *about_devices, *(_existing(_NETWORK) if network else ())]),
         *(word for path in devices for word in ("--dev-bind", str(path), str(path))),
         *(word for path in writable for word in ("--bind", str(path), str(path))),
         *(["--bind", str(workspace), str(workspace)] if workspace else []),
         "--remount-ro", "/",
         "--remount-ro", "/dev",
         "--chdir", str(workspace or INSIDE / "empty"),
-        "--", sys.executable, "-I", "-S", str(_WITNESS), *argv,
+        "--", sys.executable, "-I", "-S", str(_EXIT_REPORTER), *argv,
     ]  # fmt: skip
 
 
@@ -130,16 +142,16 @@ def _accelerators() -> list[str]:
     return [*map(str, Path("/dev").glob("nvidia*")), "/dev/dri", "/dev/kfd", "/dev/dxg"]
 
 
-def _there(names: Sequence[str]) -> list[Path]:
+def _existing(names: Sequence[str]) -> list[Path]:
     return [path for name in names if (path := Path(name)).exists()]
 
 
 def always_shown() -> list[Path]:
     """Paths visible to every program: the system, this Python, this package, bpy."""
-    return [*_there(_SYSTEM), *_python()]
+    return [*_existing(_SYSTEM), *_python()]
 
 
-def _shown(read_only: Sequence[Path]) -> list[str]:
+def _expose_paths(read_only: Sequence[Path]) -> list[str]:
     """Options that expose folders and files under their own names, without their neighbours."""
     options: list[str] = []
     for name in _SYSTEM:
@@ -169,17 +181,17 @@ def _python() -> tuple[Path, ...]:
         spec = importlib.util.find_spec(name)
         if spec is not None and spec.origin is not None:
             folders.add(Path(spec.origin).parents[1])
-    return showable({*folders, *links_of(Path(sys.executable))})
+    return exposable_paths({*folders, *follow_links(Path(sys.executable))})
 
 
-def links_of(python: Path) -> Iterator[Path]:
+def follow_links(python: Path) -> Iterator[Path]:
     """Targets of a virtual environment's python, link by link."""
     while python.is_symlink():
         python = python.parent / python.readlink()
         yield python
 
 
-def showable(paths: Iterable[Path]) -> tuple[Path, ...]:
+def exposable_paths(paths: Iterable[Path]) -> tuple[Path, ...]:
     """The existing paths, except the home and root folders themselves."""
     too_much = {Path("/"), home_folder(), *home_folder().parents}
     return tuple(path for path in paths if path.exists() and path not in too_much)

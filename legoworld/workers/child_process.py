@@ -66,7 +66,7 @@ class ChildProcess:
         self.stdin, self.stdout = self._process.stdin, self._process.stdout
         self.stderr = self._process.stderr
         self.pid = self._process.pid
-        weakref.finalize(self, _dropped, self._process, self._log, os.getpid()).atexit = False
+        weakref.finalize(self, _end_dropped, self._process, self._log, os.getpid()).atexit = False
         self._answers = select.poll()
         self._answers.register(self.stdout, select.POLLIN)
 
@@ -89,7 +89,7 @@ class ChildProcess:
     def exit_code(self, *, within_s: float = 0.0) -> int | None:
         """The exit code, negative for a signal, once it has ended; None where it runs."""
         deadline = time.monotonic() + within_s
-        while (code := self._reaped()) is None and time.monotonic() < deadline:
+        while (code := self._reap()) is None and time.monotonic() < deadline:
             time.sleep(_REAP_EVERY_S)
         return code
 
@@ -126,7 +126,7 @@ class ChildProcess:
         lines = self._log.read().decode("utf-8", "replace").splitlines()
         return last_line(line for line in lines if meant(line))
 
-    def _reaped(self) -> int | None:
+    def _reap(self) -> int | None:
         with self._owning:
             runs = self._process.returncode is None
             code = self._process.poll()
@@ -144,7 +144,7 @@ class ChildProcess:
             self._log.close()
 
 
-def _dropped(process: subprocess.Popen[bytes], log: IO[bytes] | None, owner_pid: int) -> None:
+def _end_dropped(process: subprocess.Popen[bytes], log: IO[bytes] | None, owner_pid: int) -> None:
     """End a process whose `ChildProcess` is gone; a fork's copy is not its owner."""
     if os.getpid() == owner_pid and process.returncode is None:
         with contextlib.suppress(ProcessLookupError, PermissionError):

@@ -114,7 +114,7 @@ def child_environment(
         # Packages installed with `pip --user` lie below the caller's home.
         "PYTHONUSERBASE": _user_base(caller),
     }
-    environment |= {name: value for name, value in caller.items() if _allowed(kind, name, value)}
+    environment |= {name: value for name, value in caller.items() if _is_allowed(kind, name, value)}
     if kind is ChildKind.MODEL:
         environment |= _model_caches(caller)
     environment |= {name: caller[name] for name in declared if name in caller}
@@ -131,13 +131,13 @@ def blender_environment(*, home: Path, temporary: Path) -> dict[str, str]:
     }
 
 
-def passed(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
+def passed_names(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
     """Declared names that are set for the caller; a run records the names, never the values."""
     caller = os.environ if caller is None else caller
     return sorted({name for name in declared if name in caller})
 
 
-def _allowed(kind: ChildKind, name: str, value: str) -> bool:
+def _is_allowed(kind: ChildKind, name: str, value: str) -> bool:
     if name in _EVERY_CHILD or name.startswith(_EVERY_CHILD_PREFIXES):
         return True
     if kind is not ChildKind.MODEL:

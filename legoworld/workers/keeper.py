@@ -28,7 +28,7 @@ from legoworld.workers.task_group import TaskGroup, remove_group
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _LINE: Final = 0
-_ENDING: Final = 3  # witness.py's word for it: that file is run, not imported
+_ENDING: Final = 3  # exit_reporter.py's word for it: that file is run, not imported
 
 
 class Order(TypedDict):
@@ -36,7 +36,7 @@ class Order(TypedDict):
 
     input, output, errors: descriptors for the program's own; input null: it has nothing to read.
     group: the folder of the control group that the program joins, or null. witnessed: whether argv
-    is bubblewrap with a witness, which says on a pipe how its program ended.
+    is bubblewrap with a reporter, which says on a pipe how its program ended.
     """
 
     argv: list[str]
@@ -76,7 +76,7 @@ def main() -> int:
             pass  # what is ended and not waited for keeps its group
         remove_group(Path(order["group"]))
     if code is not None:
-        _say(_witnessed(read_ending, code) if order["witnessed"] else code)
+        _say(_reported_code(read_ending, code) if order["witnessed"] else code)
     # The folder is guarded until legoworld has taken what it needs from it.
     if os.read(_LINE, 1) != b"e":  # legoworld was killed
         remove_folder(Path(order["scratch"]))
@@ -104,19 +104,19 @@ def _ended_child() -> tuple[int, int]:
         return 0, 0
 
 
-def _witnessed(ending: int, code: int) -> int:
-    """The code from the witness; without it bubblewrap's: it did not start, or the witness died."""
+def _reported_code(ending: int, code: int) -> int:
+    """The code from the reporter; without it bubblewrap's: it failed, or the reporter died."""
     os.set_blocking(ending, False)
     with contextlib.suppress(OSError, ValueError):
         return max(-255, min(int(os.read(ending, 16)), 255))
-    # With nothing said, 128 + n is the signal that ended the witness.
+    # With nothing said, 128 + n is the signal that ended the reporter.
     return 128 - code if code - 128 in signal.valid_signals() else code
 
 
 def _become(order: Order, keeper: int, ending: int | None) -> None:
     """Become the program: in a new session, with its limits and only its three descriptors.
 
-    ending: the pipe its witness gets as well.
+    ending: the pipe its reporter gets as well.
     """
     try:
         os.setsid()

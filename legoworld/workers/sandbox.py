@@ -23,13 +23,13 @@ from legoworld.workers.bubblewrap import (
     INSIDE,
     TEMPORARY_INSIDE,
     Bubblewrap,
-    confined,
+    confine,
     find_bubblewrap,
 )
 from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.descendants import descendants, end_all, memory_bytes
 from legoworld.workers.environment import blender_environment
-from legoworld.workers.hiding import hide_process
+from legoworld.workers.process_privacy import hide_process
 from legoworld.workers.protections import Protections
 from legoworld.workers.task_group import make_group, remove_group
 
@@ -120,7 +120,7 @@ class Sandbox:
     def __exit__(self, *_error: Raised) -> None:
         self.close()
 
-    def seen(self, name: str) -> Path:
+    def path_inside(self, name: str) -> Path:
         """A file or folder of the scratch folder as the program sees it."""
         return (INSIDE if self._confined else self.scratch) / name
 
@@ -142,12 +142,12 @@ class Sandbox:
         ends: tuple[int | None, int, int],
         **shown: Any,
     ) -> None:
-        """Start the keeper. ends: the program's ends of its pipes; shown: as in `confined`."""
+        """Start the keeper. ends: the program's ends of its pipes; shown: as in `confine`."""
         command = list(argv)
         if self._confined:
             bubblewrap = find_bubblewrap()
             assert isinstance(bubblewrap, Bubblewrap)
-            command = confined(
+            command = confine(
                 bubblewrap,
                 argv,
                 scratch=self.scratch,
@@ -193,9 +193,13 @@ class Sandbox:
                 if self._printed_bytes > self._limits.output_bytes:
                     return self._end_for("output")
                 if keeper.stdout in ready:
-                    return self._ended(keeper.stdout.readline())
+                    return self._end_from_line(keeper.stdout.readline())
                 now, used = time.monotonic(), time.thread_time()
-                over = self._over(keeper.pid, now, disk=now > look_at_disk) if now > look else None
+                over = (
+                    self._exceeded_limit(keeper.pid, now, disk=now > look_at_disk)
+                    if now > look
+                    else None
+                )
                 if now > look_at_disk:
                     look_at_disk = time.monotonic() + _LOOK_AT_DISK_EVERY_S
                 if now > look:
@@ -232,10 +236,10 @@ class Sandbox:
     @property
     def temporary(self) -> Path:
         """The folder for temporary files as the program sees it."""
-        return TEMPORARY_INSIDE if self._confined else self.seen("temporary")
+        return TEMPORARY_INSIDE if self._confined else self.path_inside("temporary")
 
     def _environment(self) -> dict[str, str]:
-        home = self.seen("home")
+        home = self.path_inside("home")
         return blender_environment(home=home, temporary=self.temporary) | self._variables
 
     def _read_output(self) -> bool:
@@ -247,7 +251,7 @@ class Sandbox:
         self._tail = (self._tail + data)[-_KEPT_BYTES:]
         return bool(data)
 
-    def _over(self, keeper: int, now: float, *, disk: bool) -> Limit | None:
+    def _exceeded_limit(self, keeper: int, now: float, *, disk: bool) -> Limit | None:
         """The limit that is exceeded, if any."""
         pids = descendants(keeper)
         if len(pids) > self._limits.processes:
@@ -265,15 +269,15 @@ class Sandbox:
     def _end_for(self, over: Limit) -> Ending:
         self._read_what_is_left()
         self.close()
-        return self._ending(None, over)
+        return self._make_ending(None, over)
 
-    def _ended(self, line: bytes) -> Ending:
+    def _end_from_line(self, line: bytes) -> Ending:
         self._read_what_is_left()
         if not line:
             self.close()
-        return self._ending(code_of(line), None)
+        return self._make_ending(parse_exit_code(line), None)
 
-    def _ending(self, code: int | None, over: Limit | None) -> Ending:
+    def _make_ending(self, code: int | None, over: Limit | None) -> Ending:
         return Ending(
             code=code,
             over=over,
@@ -290,7 +294,7 @@ class Sandbox:
                 pass
 
 
-def code_of(line: bytes) -> int:
+def parse_exit_code(line: bytes) -> int:
     """The exit code a keeper reports; no report means that the keeper was killed."""
     return int(json.loads(line)["code"]) if line else -signal.SIGKILL
 

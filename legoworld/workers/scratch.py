@@ -27,7 +27,7 @@ class ScratchFolder:
         _sweep(prefix, parent)
         self.path = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
         try:
-            self.owner_fd = _owned(self.path)
+            self.owner_fd = _lock_folder(self.path)
         except BaseException:
             remove_folder(self.path)
             raise
@@ -57,7 +57,7 @@ def _owner_file() -> str:
     return f".owner-{os.uname().nodename}"
 
 
-def _owned(folder: Path) -> int:
+def _lock_folder(folder: Path) -> int:
     """The descriptor of the held lock. The file is named once locked, so no sweep is too early."""
     unheld = folder / ".owner"
     descriptor = os.open(unheld, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)

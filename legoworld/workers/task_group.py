@@ -43,7 +43,7 @@ class TaskGroup:
 def make_group(processes: int) -> TaskGroup | None:
     """A new group with this process limit; None if this process may not create one."""
     place = group_place()
-    return None if place is None else _made(place, processes)
+    return None if place is None else _make_group(place, processes)
 
 
 @functools.cache
@@ -52,7 +52,7 @@ def group_place() -> Path | None:
     import subprocess  # the keeper, which imports this module, starts without it
 
     for place in _places(_PROC):
-        group = _made(place, 1)
+        group = _make_group(place, 1)
         if group is None:
             continue
         try:
@@ -82,7 +82,7 @@ def remove_group(folder: Path) -> None:
             time.sleep(0.01)
 
 
-def _made(place: Path, processes: int) -> TaskGroup | None:
+def _make_group(place: Path, processes: int) -> TaskGroup | None:
     folder = place / f"legoworld-{os.getpid()}-{next(_numbers)}"
     try:
         folder.mkdir()

@@ -49,7 +49,7 @@ class TaskProcess(Generic[Item, Result]):
 
     def call(self, item: Item) -> Result:
         """The function's result or exception; ProcessLostError when the process ends."""
-        process = self._process or self._started()
+        process = self._process or self._start()
         if self._aborted:  # seen here or by `abort`, whichever comes second
             process.kill()
         try:
@@ -57,7 +57,7 @@ class TaskProcess(Generic[Item, Result]):
             process.stdin.flush()
             good, value = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
-            lost = _lost(process)
+            lost = _lost_error(process)
             self.close()
             raise lost from error
         if not good:
@@ -78,14 +78,14 @@ class TaskProcess(Generic[Item, Result]):
             self._process.close()
             self._process = None
 
-    def _started(self) -> ChildProcess:
+    def _start(self) -> ChildProcess:
         self._process = ChildProcess([sys.executable, "-m", __name__], _environment())
         with suppress(BrokenPipeError):  # it is gone: the call finds out, and how
             pickle.dump(self._function, self._process.stdin, pickle.HIGHEST_PROTOCOL)
         return self._process
 
 
-def _lost(process: ChildProcess) -> ProcessLostError:
+def _lost_error(process: ChildProcess) -> ProcessLostError:
     return ProcessLostError(
         "a worker process ended unexpectedly",
         found=one_line(f"{process.how_it_ended()}; {process.last_words()}", 300),
@@ -115,10 +115,10 @@ def _answer(function: Callable[[Any], Any], item: Any) -> bytes:
     try:
         return pickle.dumps((True, function(item)), pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # noqa: BLE001  raised where the call was made
-        return pickle.dumps((False, carried(error)), pickle.HIGHEST_PROTOCOL)
+        return pickle.dumps((False, make_picklable(error)), pickle.HIGHEST_PROTOCOL)
 
 
-def carried(error: Exception) -> Exception:
+def make_picklable(error: Exception) -> Exception:
     """The error in a picklable form."""
     try:
         pickle.loads(pickle.dumps(error))

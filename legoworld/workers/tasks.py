@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar, overload
 
 from legoworld.workers.engines import ENGINES, EngineName, Job, Worker
-from legoworld.workers.task_process import ProcessLostError, TaskProcess, carried
+from legoworld.workers.task_process import ProcessLostError, TaskProcess, make_picklable
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -40,7 +40,7 @@ class WorkerPool:
 IN_PROCESS = WorkerPool()
 
 
-def results_of(
+def map_items(
     function: Callable[[Item], Result], items: Sequence[Item], pool: WorkerPool
 ) -> Iterator[Result]:
     """function(item) of every item, in their order.
@@ -56,10 +56,10 @@ def results_of(
         return
     kind = _ProcessWorker[Item, Result] if pool.engine == "local" else _DirectWorker[Item, Result]
     make: Callable[[], Worker[tuple[int, Item], _Outcome[Result]]] = partial(kind, function)
-    job: Job[tuple[int, Item], _Outcome[Result]] = Job(make=make, lost=_lost)
+    job: Job[tuple[int, Item], _Outcome[Result]] = Job(make=make, lost=_lost_outcome)
     waiting: dict[int, _Outcome[Result]] = {}
     following = 0
-    with closing(ENGINES[pool.engine](job, _Numbered(items), pool.workers)) as outcomes:
+    with closing(ENGINES[pool.engine](job, _NumberedItems(items), pool.workers)) as outcomes:
         for outcome in outcomes:
             waiting[outcome.number] = outcome
             while following in waiting:
@@ -92,7 +92,7 @@ class _DirectWorker(Generic[Item, Result]):
         try:
             return _Outcome(number, self._function(argument), None)
         except Exception as error:  # noqa: BLE001  raised where the results are asked for
-            return _Outcome(number, None, carried(error))
+            return _Outcome(number, None, make_picklable(error))
 
     def abort(self) -> None:
         pass
@@ -121,7 +121,7 @@ class _ProcessWorker(Generic[Item, Result]):
         self._process.close()
 
 
-class _Numbered(Sequence[tuple[int, Item]]):
+class _NumberedItems(Sequence[tuple[int, Item]]):
     """Items with their positions, taken lazily."""
 
     def __init__(self, items: Sequence[Item]) -> None:
@@ -140,7 +140,7 @@ class _Numbered(Sequence[tuple[int, Item]]):
         return index, self._items[index]
 
 
-def _lost(item: tuple[int, Item], what: str) -> _Outcome[Any]:
+def _lost_outcome(item: tuple[int, Item], what: str) -> _Outcome[Any]:
     error = ProcessLostError(
         "every machine that worked on an item was lost",
         found=what,

@@ -9,9 +9,9 @@ from agents.tracks import make_track, server_or_skip
 
 from legoworld.agents.agent_cards import read_agent_card
 from legoworld.agents.agent_process import Order, run_agent
-from legoworld.agents.stopping import Stop
-from legoworld.agents.unfinished import Unfinished
-from legoworld.agents.workspaces import commission, make_workspace
+from legoworld.agents.stop import Stop
+from legoworld.agents.unfinished_trial import UnfinishedTrial
+from legoworld.agents.workspaces import load_trial_setup, make_workspace
 from legoworld.trajectories.folder import TRIAL
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits
@@ -42,13 +42,13 @@ def order(tmp_path, monkeypatch):
     (tmp_path / "own.toml").write_text(CARD)
     (tmp_path / "home" / ".own").mkdir(parents=True)
     (tmp_path / "home" / ".own" / "login").write_text("my login\n")
-    unfinished = Unfinished(folder=tmp_path / "trial", stays=True)
-    for folder in (unfinished.workspace, unfinished.made / TRIAL, unfinished.agent):
+    unfinished = UnfinishedTrial(folder=tmp_path / "trial", stays=True)
+    for folder in (unfinished.workspace, unfinished.scene_folder / TRIAL, unfinished.agent):
         folder.mkdir(parents=True)
     unfinished.session.mkdir()
     (unfinished.session / ".own" / "kept").mkdir(parents=True)
     (unfinished.session / ".own" / "kept" / "before").write_text("what it kept\n")
-    work = commission(tmp_path / "track.json", tmp_path / "photos", "bench")
+    work = load_trial_setup(tmp_path / "track.json", tmp_path / "photos", "bench")
     (image,) = work.track.images
     workspace = make_workspace(work, image, unfinished.workspace, time_limit_s=60.0)
     assert workspace is not None

@@ -13,7 +13,7 @@ from msgspec import structs
 
 from legoworld import cli
 from legoworld.agents.agent_cards import agent_cards, agent_problems, load_agent, read_agent_card
-from legoworld.agents.agent_process import command_of
+from legoworld.agents.agent_process import build_command
 from legoworld.agents.mcp_server import (
     RELAY,
     blender_server,
@@ -57,8 +57,8 @@ def test_what_is_lacking_is_said_with_how_to_get_it(tmp_path, monkeypatch):
 @pytest.mark.parametrize("card", CARDS, ids=lambda c: c.name)
 def test_a_model_is_named_where_the_card_has_words_for_it(card):
     words = {name: f"<{name}>" for name in PLACEHOLDERS}
-    plain = command_of(card, words, None, continues=False)
-    named = command_of(card, words, "m-1", continues=True)
+    plain = build_command(card, words, None, continues=False)
+    named = build_command(card, words, "m-1", continues=True)
     assert not any("model" in word for word in plain)
     added = len(card.about.model_arguments)
     assert [word for word in named if word not in plain] == ["--model", "m-1"][:added]

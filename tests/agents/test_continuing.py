@@ -14,7 +14,7 @@ import pytest
 from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
 
 from legoworld import cli
-from legoworld.agents import trial, unfinished
+from legoworld.agents import trial, unfinished_trial
 from legoworld.agents.recorded_steps import steps_left
 from legoworld.agents.workspaces import make_workspace
 from legoworld.endpoint.session import Session
@@ -198,19 +198,19 @@ def test_a_half_built_trial_of_another_campaign_is_not_taken_up(track: Path):
     steps_file(track / "programs" / "room.steps.jsonl", codes(last=1))
     made = plan(track)
     (image,) = made.work.track.images
-    with unfinished.unfinished_trial(track / "scenes", image, stays=True) as begun:
-        begun.note_begun(unfinished.identity(plan(track, time_limit_s=61.0), image, (0,)))
+    with unfinished_trial.unfinished_trial(track / "scenes", image, stays=True) as begun:
+        begun.note_begun(unfinished_trial.identity(plan(track, time_limit_s=61.0), image, (0,)))
     with pytest.raises(UsageError, match="another campaign"):
         run(made, track / "scenes")
-    assert unfinished.begun_before(track / "scenes", image) is not None
+    assert unfinished_trial.begun_before(track / "scenes", image) is not None
 
 
 def test_a_trial_is_built_by_one_run_at_a_time(track: Path, monkeypatch):
     steps_file(track / "programs" / "room.steps.jsonl", codes(last=1))
     made = plan(track)
-    monkeypatch.setattr(unfinished, "_FREE_WITHIN_S", 0.2)
+    monkeypatch.setattr(unfinished_trial, "_FREE_WITHIN_S", 0.2)
     (image,) = made.work.track.images
-    with unfinished.unfinished_trial(track / "scenes", image, stays=True):
+    with unfinished_trial.unfinished_trial(track / "scenes", image, stays=True):
         (row,) = run(made, track / "scenes")
     assert row.status == "failed"
     assert "another run builds room" in row.reason
@@ -219,10 +219,10 @@ def test_a_trial_is_built_by_one_run_at_a_time(track: Path, monkeypatch):
 
 def test_a_trial_whose_run_is_just_ending_is_waited_for(track: Path, monkeypatch):
     free = iter([False, False, True])
-    monkeypatch.setattr(unfinished, "take", lambda *_, **__: next(free))
-    monkeypatch.setattr(unfinished, "_LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(unfinished_trial, "take", lambda *_, **__: next(free))
+    monkeypatch.setattr(unfinished_trial, "_LOOK_EVERY_S", 0.0)
     (image,) = plan(track).work.track.images
-    with unfinished.unfinished_trial(track / "scenes", image, stays=True):
+    with unfinished_trial.unfinished_trial(track / "scenes", image, stays=True):
         pass
     assert list(free) == []
 
@@ -232,11 +232,11 @@ def test_a_continued_trial_has_what_is_left_of_its_time(track: Path, monkeypatch
     steps_file(track / "programs" / "room.steps.jsonl", codes(last=1))
     made, orders = plan(track), []
     (image,) = made.work.track.images
-    with unfinished.unfinished_trial(track / "scenes", image, stays=True) as begun:
+    with unfinished_trial.unfinished_trial(track / "scenes", image, stays=True) as begun:
         begun.clear()
         make_workspace(made.work, image, begun.workspace, time_limit_s=300.0)
-        begun.note_begun(unfinished.identity(made, image, (0,)))
-        TrialRecord(begun.made / TRIAL).note(call(used_s - 1, None))
+        begun.note_begun(unfinished_trial.identity(made, image, (0,)))
+        TrialRecord(begun.scene_folder / TRIAL).note(call(used_s - 1, None))
 
     def run_agent(order, _stop):
         orders.append(order)

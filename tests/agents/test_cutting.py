@@ -8,7 +8,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from legoworld.agents.cutting import ProgramNotCutError, cut_program, saving_step
+from legoworld.agents.program_steps import ProgramNotCutError, cut_program, saving_step
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*/scene.py")) + sorted(EXAMPLES.glob("*/*/scene.py"))

@@ -9,7 +9,7 @@ from baselines.tracks import call, make_photos, make_track, run_arguments
 
 from legoworld import cli
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
-from legoworld.agents.workspaces import commission
+from legoworld.agents.workspaces import load_trial_setup
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.modules import modules_without
 
@@ -33,7 +33,7 @@ def made(tmp_path_factory):
 
 def planned(made, track, *, photos="photos", regions=(), depth=None):
     options = PluginOptions(modules=modules_without([]), regions=tuple(regions), depth=depth)
-    work = commission(made / track, made / photos, "bench", options.modules)
+    work = load_trial_setup(made / track, made / photos, "bench", options.modules)
     return plan_plugin(options, work)
 
 

@@ -10,7 +10,7 @@ from agents.tracks import make_track, plan, run, server_or_skip
 
 from legoworld import cli
 from legoworld.agents.trial_plugin import PLUGIN, PluginOptions, plan_plugin
-from legoworld.agents.workspaces import commission
+from legoworld.agents.workspaces import load_trial_setup
 from legoworld.errors import UsageError
 from legoworld.plugin.ledger import read_ledger
 from legoworld.plugin.modules import TOOLS, modules_without
@@ -61,7 +61,7 @@ def session(transactions=True):
 def with_plugin(folder, off=(), regions=()):
     options = PluginOptions(modules=modules_without(off), regions=tuple(regions), depth=None)
     made = plan(folder)
-    work = commission(folder / "track.json", folder / "photos", "bench", options.modules)
+    work = load_trial_setup(folder / "track.json", folder / "photos", "bench", options.modules)
     return replace(made, work=work, plugin=plan_plugin(options, work))
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from legoworld.agents.prices import PRICES, PriceCard, read_prices, used, with_cost
+from legoworld.agents.prices import PRICES, PriceCard, compute_usage, read_prices, with_cost
 from legoworld.errors import CatalogError
 from legoworld.records.agents import TranscriptFormat
 from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import canonical, decode
-from legoworld.trajectories.joining import joined
+from legoworld.trajectories.join_parts import join_trajectories
 from legoworld.trajectories.transcripts import read_transcript
 
 TRANSCRIPTS = Path(__file__).parents[1] / "trajectories" / "transcripts"
@@ -39,7 +39,7 @@ def transcript(kind: TranscriptFormat) -> AtifTrajectory:
 
 
 def test_tokens_are_priced_by_kind_and_the_card_is_named(card):
-    usage = used(transcript("codex"), "m-1-latest", card)
+    usage = compute_usage(transcript("codex"), "m-1-latest", card)
     assert usage.cost_usd == round(((25763 - 24448) * 2.0 + 24448 * 0.5 + 152 * 10.0) / 1e6, 6)
     assert usage.cost_source == f"prices of 2026-01-02, {card.sha256[:12]}"
     found = decode(AtifTrajectory, canonical(with_cost(transcript("codex"), usage)))
@@ -50,14 +50,14 @@ def test_tokens_are_priced_by_kind_and_the_card_is_named(card):
 
 @pytest.mark.parametrize("model", [None, "m-2", "m-1-turbo"])
 def test_an_unknown_model_has_no_cost(card, model):
-    usage = used(transcript("codex"), model, card)
+    usage = compute_usage(transcript("codex"), model, card)
     assert (usage.cost_usd, usage.cost_source) == (None, None)
     assert usage.completion_tokens == 152
     assert with_cost(transcript("codex"), usage) == transcript("codex")
 
 
 def test_the_transcript_s_own_cost_stands(card):
-    usage = used(transcript("claude"), "m-1", card)
+    usage = compute_usage(transcript("claude"), "m-1", card)
     assert (usage.cost_usd, usage.cost_source) == (0.0352, "transcript")
     assert with_cost(transcript("claude"), usage) == transcript("claude")
 
@@ -67,11 +67,13 @@ def test_what_a_killed_agent_used_is_not_known(card, tmp_path):
     killed = tmp_path / "killed.jsonl"
     killed.write_bytes(b"".join(line for line in lines if b"turn.completed" not in line))
     part = read_transcript(killed, "codex", agent="codex", version="1", prompt="Rebuild it.")
-    assert used(part, "m-1", card).cost_usd is None
-    both = joined([part, transcript("codex")])
-    assert used(both, "m-1", card).cost_usd is None
-    twice = used(joined([transcript("codex"), transcript("codex")]), "m-1", card)
-    once = used(transcript("codex"), "m-1", card)
+    assert compute_usage(part, "m-1", card).cost_usd is None
+    both = join_trajectories([part, transcript("codex")])
+    assert compute_usage(both, "m-1", card).cost_usd is None
+    twice = compute_usage(
+        join_trajectories([transcript("codex"), transcript("codex")]), "m-1", card
+    )
+    once = compute_usage(transcript("codex"), "m-1", card)
     assert twice.completion_tokens == 2 * 152
     assert twice.cost_usd == pytest.approx(2 * (once.cost_usd or 0.0))
 
@@ -80,7 +82,7 @@ def test_totals_of_two_models_have_no_cost(card):
     found = transcript("codex")
     last = replace(found.steps[-1], model_name="m-2")
     mixed = replace(found, steps=[*found.steps[:-1], last])
-    assert used(mixed, "m-1", card).cost_usd is None
+    assert compute_usage(mixed, "m-1", card).cost_usd is None
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,9 @@ def test_the_plugin_and_its_calls_are_told(written, tmp_path, monkeypatch):
         calls=5, failed=1, transactions=2, committed=1, rolled_back=1, left_open=False
     )
     counted = []
-    monkeypatch.setattr(trial_result, "calls_of", lambda path: counted.append(path) or calls)
+    monkeypatch.setattr(
+        trial_result, "read_plugin_calls", lambda path: counted.append(path) or calls
+    )
     used = PluginUsed(version="1", modules=("records",))
     row, provenance, _ = written(plan(plugin=SimpleNamespace(used=used)), outcome())
     assert counted == [tmp_path / TRIAL / "plugin"]

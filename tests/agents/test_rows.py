@@ -45,7 +45,7 @@ def test_a_trial_whose_agent_failed_is_tried_again_and_one_without_a_scene_is_no
     def run_trial(plan, image, unfinished, *_):
         found = result(plan, image, left.pop(0))
         unfinished.clear()
-        write_text(unfinished.made / RECONSTRUCTION, readable(found))
+        write_text(unfinished.scene_folder / RECONSTRUCTION, readable(found))
         return found
 
     monkeypatch.setattr(reconstruct, "run_trial", run_trial)

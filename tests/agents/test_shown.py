@@ -10,10 +10,10 @@ from workers.confinements import bubblewrap_or_skip
 
 from legoworld import cli
 from legoworld.agents.agent_cards import AgentCard, read_agent_card
-from legoworld.agents.shown import (
+from legoworld.agents.exposed_paths import (
     AgentNotStartedError,
-    refuse_shown,
-    shown_to,
+    exposed_paths,
+    refuse_exposed,
     version_in_sandbox,
 )
 from legoworld.errors import UsageError
@@ -81,7 +81,7 @@ def test_a_package_and_its_node_are_shown_wherever_npm_put_them(tmp_path, held, 
     monkeypatch.setenv("PATH", f"{command.parent}:{node.parent}", prepend=":")
     own = card(tmp_path, Path("tool"))
     assert version_in_sandbox(own, held) == "tool 7.1"
-    places = {path for path in shown_to(own) if path.is_relative_to(tmp_path)}
+    places = {path for path in exposed_paths(own) if path.is_relative_to(tmp_path)}
     assert places == {command, program, package, node}
 
 
@@ -97,7 +97,9 @@ def test_a_package_and_its_node_are_shown_wherever_npm_put_them(tmp_path, held, 
 )
 def test_the_package_of_a_program_is_the_innermost(tmp_path, inside, package):
     program = script(tmp_path / inside, "true")
-    places = {path for path in shown_to(card(tmp_path, program)) if path.is_relative_to(tmp_path)}
+    places = {
+        path for path in exposed_paths(card(tmp_path, program)) if path.is_relative_to(tmp_path)
+    }
     assert places == {program, *([tmp_path / package] if package else [])}
 
 
@@ -105,7 +107,7 @@ def test_words_of_env_are_not_the_interpreter(tmp_path, monkeypatch):
     node = script(tmp_path / "bin" / "own-node", "true")
     program = script(tmp_path / "tool", "", "/usr/bin/env -S own-node -x")
     monkeypatch.setenv("PATH", str(node.parent), prepend=":")
-    assert {program, node} <= {*shown_to(card(tmp_path, program))}
+    assert {program, node} <= {*exposed_paths(card(tmp_path, program))}
 
 
 def test_check_says_that_an_agent_does_not_start_with_what_it_is_shown(tmp_path, held, capsys):
@@ -141,18 +143,18 @@ def test_no_card_shows_what_an_agent_may_not_see(tmp_path, monkeypatch, shown, k
         (tmp_path / name).mkdir(parents=True)
     (tmp_path / "data" / "track.json").write_text("{}")
     program = script(tmp_path / "agents" / "my-agent", "true")
-    refuse_shown(card(tmp_path, program, "agents"), [tmp_path / kept])
+    refuse_exposed(card(tmp_path, program, "agents"), [tmp_path / kept])
     with pytest.raises(UsageError, match="would be shown"):
-        refuse_shown(card(tmp_path, program, shown), [tmp_path / kept])
+        refuse_exposed(card(tmp_path, program, shown), [tmp_path / kept])
 
 
 def test_what_every_program_is_shown_holds_no_photos(tmp_path):
     own = card(tmp_path, script(tmp_path / "my-agent", "true"))
     with pytest.raises(UsageError, match="would be shown /usr"):
-        refuse_shown(own, [Path("/usr/share/photos")])
+        refuse_exposed(own, [Path("/usr/share/photos")])
 
 
 def test_a_card_that_shows_what_is_not_there_says_so(tmp_path):
     own = card(tmp_path, script(tmp_path / "my-agent", "true"), "lib")
     with pytest.raises(UsageError, match="not there"):
-        shown_to(own)
+        exposed_paths(own)

@@ -10,9 +10,9 @@ import pytest
 from msgspec.structs import replace as with_fields
 
 from legoworld.agents import trial
-from legoworld.agents.stopping import Stop, TrialStoppedError
+from legoworld.agents.stop import Stop, TrialStoppedError
 from legoworld.agents.trial import NoPhotoError, run_trial
-from legoworld.agents.unfinished import Unfinished
+from legoworld.agents.unfinished_trial import UnfinishedTrial
 from legoworld.agents.workspaces import Workspace
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.records.agents import BegunTrial, EndedAgent
@@ -37,7 +37,7 @@ class Trial:
     """What each part of a trial was given, and what they answer."""
 
     def __init__(self, folder: Path, monkeypatch):
-        self.unfinished = Unfinished(folder=folder, stays=True, lease=9)
+        self.unfinished = UnfinishedTrial(folder=folder, stays=True, lease=9)
         self.log, self.photo, self.calls = [], True, 2
         about = SimpleNamespace(
             transcript=SimpleNamespace(format="codex", path=None), version="1.0"

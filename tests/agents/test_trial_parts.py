@@ -15,14 +15,19 @@ from msgspec.structs import replace as with_fields
 from legoworld.agents import mcp_endpoint, mcp_server, reconstruct, trial_plugin
 from legoworld.agents.plugin_host import PluginHost
 from legoworld.agents.reconstruct import Progress
-from legoworld.agents.recorded_steps import StepsUnusableError, may_continue, steps_of, text_of
-from legoworld.agents.stopping import Stop, TrialStoppedError
+from legoworld.agents.recorded_steps import (
+    StepsUnusableError,
+    encode_steps,
+    may_continue,
+    remaining_steps,
+)
+from legoworld.agents.stop import Stop, TrialStoppedError
 from legoworld.agents.trial import NoPhotoError
-from legoworld.agents.trial_plugin import PluginOptions, PluginPlan, calls_of, plan_plugin
-from legoworld.agents.unfinished import (
-    Unfinished,
+from legoworld.agents.trial_plugin import PluginOptions, PluginPlan, plan_plugin, read_plugin_calls
+from legoworld.agents.unfinished_trial import (
+    UnfinishedTrial,
     begun_before,
-    finished,
+    mark_finished,
     remove_finished,
     unfinished_folder,
     unfinished_trial,
@@ -41,7 +46,7 @@ BEGUN = BegunTrial(
 
 @pytest.fixture
 def unfinished(tmp_path):
-    made = Unfinished(folder=tmp_path, stays=True)
+    made = UnfinishedTrial(folder=tmp_path, stays=True)
     for folder in (made.workspace, made.made / TRIAL):
         folder.mkdir(parents=True)
     return made
@@ -71,8 +76,8 @@ def test_what_is_noted_is_read_again_and_what_is_broken_is_not_there(unfinished,
     assert (unfinished.begun(), unfinished.ended()) == (BEGUN, ended)
     (tmp_path / "ended.json").write_text("{")
     assert unfinished.ended() is None
-    finished(unfinished)
-    finished(unfinished)
+    mark_finished(unfinished)
+    mark_finished(unfinished)
     assert unfinished.begun() is None
 
 
@@ -129,24 +134,24 @@ def test_steps_are_those_recorded_with_the_workspace_in_the_place_of_its_name(tm
     workspace = SimpleNamespace(folder=tmp_path / "work")
     plan = stepping(tmp_path)
     step = RecordedStep(tool="t", arguments={"code": "é {workspace}/a {workspace}"})
-    (tmp_path / "room.steps.jsonl").write_text(text_of([step, step]))
-    assert text_of([step, step]).count("\n") == 2
-    left = steps_of(plan, IMAGE, workspace, [])
+    (tmp_path / "room.steps.jsonl").write_text(encode_steps([step, step]))
+    assert encode_steps([step, step]).count("\n") == 2
+    left = remaining_steps(plan, IMAGE, workspace, [])
     code = f"é {tmp_path}/work/a {tmp_path}/work"
     assert [s.arguments for s in left] == [{"code": code}] * 2
-    assert steps_of(stepping(tmp_path, programs=False), IMAGE, workspace, []) is None
+    assert remaining_steps(stepping(tmp_path, programs=False), IMAGE, workspace, []) is None
     (tmp_path / "room.steps.jsonl").write_text("{}\n")
     with pytest.raises(StepsUnusableError, match=r"steps of room cannot be played.*room\.steps"):
-        steps_of(plan, IMAGE, workspace, [])
+        remaining_steps(plan, IMAGE, workspace, [])
 
 
 def test_a_program_is_cut_and_saves_last(tmp_path):
     workspace = SimpleNamespace(folder=tmp_path / "work")
     with pytest.raises(StepsUnusableError, match=r"no room/scene\.py and no room\.steps\.jsonl"):
-        steps_of(stepping(tmp_path), IMAGE, workspace, [])
+        remaining_steps(stepping(tmp_path), IMAGE, workspace, [])
     (tmp_path / "room").mkdir()
     (tmp_path / "room" / "scene.py").write_text("print(1)\nprint(2)\n")
-    steps = steps_of(stepping(tmp_path), IMAGE, workspace, [])
+    steps = remaining_steps(stepping(tmp_path), IMAGE, workspace, [])
     assert len(steps) == 3
     assert f"{tmp_path}/work/scene.blend" in steps[-1].arguments["code"]
 
@@ -200,12 +205,12 @@ def test_calls_of_the_plugin_are_counted_by_what_became_of_them(monkeypatch):
         entry("begin"),
     ]  # fmt: skip
     monkeypatch.setattr(trial_plugin, "read_ledger", lambda record: {"r": ledger, "e": []}[record])
-    found = calls_of("r")
+    found = read_plugin_calls("r")
     assert (found.calls, found.failed, found.transactions) == (10, 4, 3)
     assert (found.committed, found.rolled_back, found.left_open) == (1, 1, True)
-    assert (calls_of("e").calls, calls_of("e").left_open) == (0, False)
+    assert (read_plugin_calls("e").calls, read_plugin_calls("e").left_open) == (0, False)
     ledger.append(entry("commit", phase="idle"))
-    assert (calls_of("r").committed, calls_of("r").left_open) == (2, False)
+    assert (read_plugin_calls("r").committed, read_plugin_calls("r").left_open) == (2, False)
 
 
 @pytest.fixture
@@ -276,7 +281,7 @@ def test_the_plugin_is_served_with_the_evidence_of_the_track_s_photo(
     def served(modules):
         options = PluginOptions(modules=modules, regions=(), depth=None)
         plan = PluginPlan(options=options, vocabulary=None)
-        assert plan.used == PluginUsed(version=trial_plugin.__version__, modules=modules)
+        assert plan.provenance == PluginUsed(version=trial_plugin.__version__, modules=modules)
         with trial_plugin.served_plugin(plan, IMAGE, photo, "the session", record) as found:
             assert found == "the host"
         record.rmdir()
@@ -306,7 +311,7 @@ def test_what_is_given_as_evidence_is_looked_at_before_the_first_trial(
             PluginOptions(modules=modules, regions=tuple(regions), depth=depth), work
         )
 
-    monkeypatch.setattr(trial_plugin, "photos_of", lambda _: {"1"})
+    monkeypatch.setattr(trial_plugin, "read_photo_hashes", lambda _: {"1"})
     inside = run / "predictions.json"
     inside.write_text("[]")
     plan = planned(regions=[inside, results], depth=run)
@@ -498,8 +503,8 @@ def test_mcp_is_served_over_an_endpoint_in_a_bare_environment(tmp_path, monkeypa
         yield 4321
 
     server = mcp_server.McpServer(name="s", command="c", arguments=("a",), variables={"V": "2"})
-    monkeypatch.setattr(mcp_endpoint, "opened", opened)
-    monkeypatch.setattr(mcp_endpoint, "workspace_of", lambda _: work)
+    monkeypatch.setattr(mcp_endpoint, "open_endpoint", opened)
+    monkeypatch.setattr(mcp_endpoint, "workspace_path", lambda _: work)
     monkeypatch.setattr(mcp_endpoint, "blender_server", lambda *words: ran.append(words) or server)
     monkeypatch.setattr(
         mcp_endpoint, "blender_environment", lambda **how: {"V": "1", "E": str(how)}

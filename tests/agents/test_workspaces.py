@@ -8,7 +8,7 @@ import json
 import pytest
 from agents.tracks import make_track
 
-from legoworld.agents.workspaces import commission, make_workspace, workspace_of
+from legoworld.agents.workspaces import load_trial_setup, make_workspace, plan_workspace
 from legoworld.errors import UsageError
 from legoworld.plugin.modules import MODULES
 from legoworld.readouts.instructions import instructions
@@ -27,7 +27,7 @@ def track_of(folder, *, task="bench", **entry):
 
 
 def made(folder, path, task=None, *, limit=90.0, modules=()):
-    work = commission(path, folder / "photos", task, modules)
+    work = load_trial_setup(path, folder / "photos", task, modules)
     (folder / "work").mkdir(exist_ok=True)
     (image,) = work.track.images
     return work, image, make_workspace(work, image, folder / "work", time_limit_s=limit)
@@ -94,19 +94,19 @@ def test_a_track_that_does_not_say_its_task_needs_one(tmp_path):
     del document["info"]
     path.write_text(json.dumps(document))
     with pytest.raises(UsageError, match=r"does not say .*track\.json.*--task coco or .*pass"):
-        commission(path, tmp_path / "photos", None)
+        load_trial_setup(path, tmp_path / "photos", None)
 
 
 def test_each_module_of_the_plugin_that_is_on_has_a_line(tmp_path):
     path = track_of(tmp_path)
-    plain = commission(path, tmp_path / "photos", None).template
-    some = commission(path, tmp_path / "photos", None, ("records", "evidence")).template
+    plain = load_trial_setup(path, tmp_path / "photos", None).template
+    some = load_trial_setup(path, tmp_path / "photos", None, ("records", "evidence")).template
     assert some.startswith(plain + "\nA second MCP server, `legoworld`")
     lines = some.splitlines()[-2:]
     assert [line.split()[1] for line in lines] == ["reference_evidence", "history"]
     assert some.endswith("- history and review show what was done and measured.\n")
     assert "- measure" not in some
-    every = commission(path, tmp_path / "photos", None, MODULES).template.splitlines()[-5:]
+    every = load_trial_setup(path, tmp_path / "photos", None, MODULES).template.splitlines()[-5:]
     assert [line.split()[1] for line in every] == [
         "reference_evidence", "initialize", "measure", "begin", "history",
     ]  # fmt: skip
@@ -119,5 +119,5 @@ def test_without_its_photo_there_is_no_workspace(tmp_path):
     (tmp_path / "photos" / "Room.PNG").unlink()
     work, image, workspace = made(tmp_path, path)
     assert workspace is None
-    assert workspace_of(work, image, tmp_path / "work", time_limit_s=60.0) is None
+    assert plan_workspace(work, image, tmp_path / "work", time_limit_s=60.0) is None
     assert list((tmp_path / "work").iterdir()) == []

@@ -11,7 +11,7 @@ from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts
 from legoworld.scene.instances import group
 from legoworld.scene.labels import Labels
-from legoworld.scene.reading import read_scene
+from legoworld.scene.read_scene import read_scene
 from legoworld.scene.snapshot import Snapshot
 from legoworld.visibility.view import view
 

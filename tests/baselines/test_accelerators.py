@@ -10,7 +10,7 @@ import pytest
 from baselines.tracks import FAKE, call, run_arguments, run_document
 
 from legoworld.baselines import accelerators, environments
-from legoworld.baselines.accelerators import Torch, chosen_device, chosen_dtype, torch_of
+from legoworld.baselines.accelerators import Torch, chosen_device, chosen_dtype, inspect_torch
 from legoworld.baselines.cards import load_baseline
 from legoworld.baselines.environments import Requirements, install_steps
 from legoworld.commands.doctor_command import _baseline
@@ -41,25 +41,25 @@ def with_torch(tmp_path, monkeypatch):
         folder.mkdir()
         (folder / "torch.py").write_text(TORCH.format(gpus=gpus))
         monkeypatch.setenv("PYTHONPATH", str(folder))
-        torch_of.cache_clear()
+        inspect_torch.cache_clear()
         return Path(sys.executable)
 
     yield make
-    torch_of.cache_clear()
+    inspect_torch.cache_clear()
 
 
 def test_torch_is_described(with_torch):
-    found = torch_of(with_torch(2))
+    found = inspect_torch(with_torch(2))
     assert found == Torch(
         version="9.9.0+cu999", cuda="99.9", devices=("GPU 0", "GPU 1"), mps=False, error=None
     )
     assert str(found) == "torch 9.9.0+cu999 built for CUDA 99.9, GPU 0, GPU 1"
-    assert "no GPU seen" in str(torch_of(with_torch(0)))
+    assert "no GPU seen" in str(inspect_torch(with_torch(0)))
 
 
 def test_a_python_without_torch_says_so():
-    torch_of.cache_clear()
-    found = torch_of(Path(sys.executable))
+    inspect_torch.cache_clear()
+    found = inspect_torch(Path(sys.executable))
     assert found.version is None
     assert "No module named" in str(found)
     assert found.best_device == "cpu"

@@ -20,9 +20,9 @@ from legoworld.baselines.answers import MOST_LEVELS, Unreadable, read_line
 from legoworld.baselines.baseline_run import summarise
 from legoworld.baselines.cards import chosen_options, load_baseline
 from legoworld.baselines.child import BaselineFailedError
-from legoworld.baselines.confinement import confined
+from legoworld.baselines.confinement import confine_baseline
 from legoworld.baselines.conversation import BaselineRefusedError, Conversation
-from legoworld.baselines.request import BaselineRequest, configuration_of
+from legoworld.baselines.request import BaselineRequest, build_configuration
 from legoworld.files import canonical_json, readable_json
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import as_json, canonical, readable
@@ -70,7 +70,7 @@ def request_of(tmp_path_factory: pytest.TempPathFactory):
             image_ids=(),
             load_time_limit_s=None,
             time_limit_s=None,
-            confined=confined(card, "weights.bin", "limits", offline=True),
+            confined=confine_baseline(card, "weights.bin", "limits", offline=True),
         )
 
     return made
@@ -126,7 +126,7 @@ def records_of(
     for provenance in began:
         readable_json({"configuration": provenance}).encode("utf-8")
     rows = [*{record.row.image_id: record.row for record in records}.values()]
-    summary = summarise(configuration_of(request, images), rows)
+    summary = summarise(build_configuration(request, images), rows)
     readable(summary).encode("utf-8")
     assert sorted(row.image_id for row in rows) == [1, 2]
     return {row.image_id: as_json(row) for row in rows}

@@ -8,7 +8,7 @@ import pytest
 
 from legoworld.records.bench_dataset import RenderCard
 from legoworld.running import submission
-from legoworld.scene.opened import CardRender
+from legoworld.scene.open_scene import CardRender
 
 
 def few_samples(patch: pytest.MonkeyPatch) -> None:

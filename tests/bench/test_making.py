@@ -179,7 +179,7 @@ def test_where_no_scene_becomes_a_case_nothing_is_written(tmp_path, monkeypatch,
     def lose_each(_job, folders, _workers):
         yield from (lost_family(folder, "killed") for folder in reversed(folders))
 
-    monkeypatch.setattr("legoworld.bench.making.ENGINES", {"local": lose_each})
+    monkeypatch.setattr("legoworld.bench.dataset.ENGINES", {"local": lose_each})
     assert make(tmp_path / "scenes", tmp_path / "bench", "--json") == 1
     found = json.loads(capsys.readouterr().out)
     assert [f["family"] for f in found["families"]] == ["a", "b"]

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import until
 
-from legoworld.bench import serving
-from legoworld.bench.serving import ScoreServer, ScoreWorker, scene_below
+from legoworld.bench import server as serving
+from legoworld.bench.server import ScoreServer, ScoreWorker, scene_below
 from legoworld.records.base import canonical, decode
 from legoworld.records.bench_serving import ServeAnswer
 
@@ -36,7 +36,7 @@ def server(tmp_path_factory):
         def scored(_self, request, _scene):
             raise RAISED[request.image_id]
 
-        patch.setattr(ScoreWorker, "_scored", scored)
+        patch.setattr(ScoreWorker, "_score_scene", scored)
         with ScoreServer(options, 2) as made:
             yield made
 

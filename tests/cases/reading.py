@@ -17,7 +17,7 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.instances import Grouping, group
 from legoworld.scene.labels import resolve_labels
-from legoworld.scene.reading import ReadScene
+from legoworld.scene.read_scene import ReadScene
 from legoworld.visibility.view import View, view
 
 

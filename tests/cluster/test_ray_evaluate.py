@@ -9,7 +9,7 @@ import pytest
 from evaluation.commands import evaluate, files, made, small_pieces
 
 from legoworld.evaluation.pixels.image_tasks import image_tasks
-from legoworld.workers.tasks import WorkerPool, results_of
+from legoworld.workers.tasks import WorkerPool, map_items
 
 ray = pytest.importorskip("ray")
 
@@ -39,7 +39,7 @@ def test_same_bytes_as_the_local_engine_on_two_nodes(task, tmp_path: Path, two_n
 
 
 def test_both_nodes_work(two_nodes):
-    assert len(set(results_of(node_of, range(8), WorkerPool(engine="ray", workers=2)))) == 2
+    assert len(set(map_items(node_of, range(8), WorkerPool(engine="ray", workers=2)))) == 2
 
 
 def test_a_machine_that_does_not_see_the_depth_says_so(tmp_path, two_nodes, monkeypatch, capsys):

@@ -18,7 +18,7 @@ from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
 from legoworld.readouts.protocol import protocol
 from legoworld.shipped import catalog
-from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.vocabulary import Category, Vocabulary
 
 LABELLED = ["coco", "coco-masks", "lvis"]
@@ -85,7 +85,7 @@ def test_what_an_author_needs_is_there(capsys):
 @pytest.mark.parametrize("task", LABELLED)
 def test_the_vocabulary_is_complete_and_in_the_datasets_order(task, capsys):
     told = document(task, capsys)
-    path = catalog.folder("datasets") / dataset_of(task) / "categories.json"
+    path = catalog.folder("datasets") / find_dataset(task) / "categories.json"
     names = [c["name"] for c in sorted(json.loads(path.read_text()), key=lambda c: c["id"])]
     assert told["vocabulary"] == names
     after = printed(task, capsys).split("\n## Vocabulary: ")[1]
@@ -246,7 +246,7 @@ for kind in ("readouts", "datasets", "baselines", "examples"):
     )
     expected = {f"readouts/{task}.toml", "readouts/instructions/scene.toml"}
     if task in LABELLED:
-        expected.add(f"datasets/{dataset_of(task)}/categories.json")
+        expected.add(f"datasets/{find_dataset(task)}/categories.json")
     assert set(done.stderr.split()) == expected
 
 
@@ -275,7 +275,7 @@ def test_a_task_leaves_what_is_for_it(kind, capsys):
         assert 0 < len(names) < len(every)
         assert names == [name for name in every if name in names]
         if kind != "baselines":
-            assert (dataset_of(task) if kind == "datasets" else task) in names
+            assert (find_dataset(task) if kind == "datasets" else task) in names
         assert cli.run(["list", kind, "--task", task]) == 0
         lines = capsys.readouterr().out.splitlines()
         # A line that begins with a space goes on with the row before it.

@@ -12,8 +12,8 @@ from legoworld import cli
 from legoworld.agents import run_plan
 from legoworld.api import comparison, evaluation, one_photo, readout, scenes
 from legoworld.baselines import request
-from legoworld.plugin import serving
-from legoworld.trajectories import scoring
+from legoworld.plugin import serve
+from legoworld.trajectories import score_checkpoints
 
 #: The least that is typed, the function that is called, and the type of what is passed to it.
 CALLS: Final[list[tuple[str, Any, type]]] = [
@@ -21,7 +21,7 @@ CALLS: Final[list[tuple[str, Any, type]]] = [
     ("evaluate . --truth x -o out", evaluation.evaluate, evaluation.EvaluationOptions),
     ("compare . . -o out", comparison.compare, comparison.ComparisonOptions),
     ("inspect .", scenes.open_scene, scenes.SceneOptions),
-    ("plugin serve", serving.serve_plugin, serving.PluginServing),
+    ("plugin serve", serve.serve_plugin, serve.PluginServing),
 ]
 #: What the command line does not offer, and what it gives instead of the default.
 NOT_OFFERED: Final = {"require_frozen"}
@@ -62,9 +62,9 @@ def test_options_have_the_defaults_of_the_api(command, function, kind, tmp_path,
     ("target", "kind"),
     [
         (run_plan.plan_run, run_plan.RunOptions),
-        (serving.serve_plugin, serving.PluginServing),
+        (serve.serve_plugin, serve.PluginServing),
         (request.BaselineRequest, request.RequestOptions),
-        (scoring.ScoringPlan, scoring.ScoringOptions),
+        (score_checkpoints.ScoringPlan, score_checkpoints.ScoringOptions),
         (one_photo.PhotoRequest, one_photo.PhotoOptions),
     ],
 )

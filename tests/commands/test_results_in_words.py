@@ -14,7 +14,7 @@ import pytest
 
 from legoworld import cli
 from legoworld.agents.reconstruct import TrialRow
-from legoworld.api.listening import Listener
+from legoworld.api.listener import Listener
 from legoworld.cards import load_card
 from legoworld.commands import (
     baseline_output,
@@ -180,7 +180,7 @@ def scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Any:
         (tmp_path / name).touch()
     family = MagicMock()
     family.return_value.short.return_value = "AP 0.5"
-    monkeypatch.setattr("legoworld.evaluation.family.evaluation_of", family)
+    monkeypatch.setattr("legoworld.evaluation.family.load_evaluation_family", family)
 
     def go(found: Any, *words: str) -> tuple[int, str, str]:
         monkeypatch.setattr("legoworld.api.one_photo.score_photo", lambda *_: found)
@@ -470,7 +470,7 @@ def test_evaluate_speaks_on_a_terminal_or_with_v_and_warns_always_but_with_q(
     verbose: bool, quiet: bool, terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     monkeypatch.setattr("legoworld.commands.options.on_terminal", lambda: terminal)
-    with evaluate_command._listening(quiet=quiet, verbose=verbose) as listener:
+    with evaluate_command._open_listener(quiet=quiet, verbose=verbose) as listener:
         listener.notice("a notice")
         listener.warn("a warning")
     said = capsys.readouterr().err.splitlines()
@@ -510,7 +510,7 @@ def test_photos_that_do_not_match_a_track(
     monkeypatch.setattr(
         "legoworld.tracks.track.load_track", lambda _: SimpleNamespace(images=images)
     )
-    monkeypatch.setattr("legoworld.track_making.making.check_photos", lambda *_: problems)
+    monkeypatch.setattr("legoworld.track_making.make_track.check_photos", lambda *_: problems)
     (tmp_path / "t.json").touch()
     words = ["track", "check", str(tmp_path / "t.json"), "--photos", str(tmp_path)]
     assert cli.run(words) == 1
@@ -541,7 +541,7 @@ def test_the_page_of_trials_is_named(
     given: list[Any] = []
     monkeypatch.setattr("legoworld.trajectories.folder.recorded_trials", lambda _: ["a trial"])
     monkeypatch.setattr(
-        "legoworld.trajectories.showing.write_page",
+        "legoworld.trajectories.page.write_page",
         lambda *words, **how: given.append((words, how)),
     )
     page = tmp_path / "page.html"
@@ -573,7 +573,7 @@ def test_an_import_s_option_for_another_task_is_refused(
     capsys: Any,
 ) -> None:
     about = SimpleNamespace(card=load_card(task))
-    monkeypatch.setattr(baseline_output, "track_of", lambda *_: (None, about))
+    monkeypatch.setattr(baseline_output, "load_track_and_protocol", lambda *_: (None, about))
     (tmp_path / "t.json").touch()
     arguments = ["baseline", "import", str(tmp_path), "--task", task, "--track",
                  str(tmp_path / "t.json"), "-o", str(tmp_path / "run"), *words.split()]  # fmt: skip
@@ -587,7 +587,7 @@ def test_a_run_is_evaluated_and_not_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     about = SimpleNamespace(card=load_card("coco"))
-    monkeypatch.setattr(baseline_output, "track_of", lambda *_: (None, about))
+    monkeypatch.setattr(baseline_output, "load_track_and_protocol", lambda *_: (None, about))
     for name in ("t.json", "run.json"):
         (tmp_path / name).touch()
     words = ["baseline", "import", str(tmp_path), "--task", "coco", "--track",

@@ -13,7 +13,7 @@ from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
 from numpy.typing import NDArray
 
-from legoworld.comparison.making import make_comparison
+from legoworld.comparison.make_comparison import make_comparison
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.evaluators import EvaluatorKind

@@ -19,7 +19,7 @@ from legoworld.comparison.leaderboard import (
     wide_table,
     write_leaderboard,
 )
-from legoworld.comparison.making import make_comparison
+from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.reconstruction.choices import Choices

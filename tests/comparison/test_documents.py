@@ -21,7 +21,7 @@ from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld.comparison import folder as comparison_folder
 from legoworld.comparison.folder import prepare_folder, read_document, write_comparison
-from legoworld.comparison.making import make_joined
+from legoworld.comparison.make_comparison import make_joined
 from legoworld.comparison.subsets import table_of_images
 from legoworld.comparison.verdict import noun
 from legoworld.comparison.verification import _agrees, verify_comparison
@@ -70,7 +70,9 @@ def test_another_comparison_s_folder_is_refused_before_anything_is_computed(
     made, tmp_path, monkeypatch
 ):
     evaluations = scene_and_baseline(tmp_path / "c", "coco", seed=8)
-    monkeypatch.setattr("legoworld.comparison.making.compare", lambda *_: pytest.fail("computed"))
+    monkeypatch.setattr(
+        "legoworld.comparison.make_comparison.compare", lambda *_: pytest.fail("computed")
+    )
     with pytest.raises(LegoWorldError, match="another"):
         compared(evaluations, made / "eth3d", draws=5, seed=3)
 

@@ -27,7 +27,7 @@ from legoworld.comparison.sides import distinct_names
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.stored import EvaluationChangedError
 from legoworld.records.base import UNSET
-from legoworld.records.folders.evaluation_reading import EvaluationFolderError
+from legoworld.records.folders.read_evaluation import EvaluationFolderError
 
 
 def refused(sides, output, match, error: type[LegoWorldError] = IncomparableError, **options):

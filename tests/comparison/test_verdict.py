@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from legoworld.comparison.thresholds import Threshold, tripped
-from legoworld.comparison.verdict import standing
+from legoworld.comparison.thresholds import Threshold, find_failed_thresholds
+from legoworld.comparison.verdict import classify_difference
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from legoworld.comparison.verdict import standing
 )
 def test_an_interval_that_touches_zero_tells_nothing_apart(ends, better, expected):
     row = SimpleNamespace(difference=SimpleNamespace(value=0.1, ends=ends), better=better)
-    assert standing(row) == expected
+    assert classify_difference(row) == expected
 
 
 def comparison(**gains):
@@ -49,5 +49,5 @@ def comparison(**gains):
 )
 def test_a_threshold_reads_the_images_it_names(gains, paired, expected):
     threshold = Threshold(metric="AP", paired=paired, least_gain=0.0)
-    found = tripped(comparison(**gains), [threshold])
+    found = find_failed_thresholds(comparison(**gains), [threshold])
     assert [(each.images, each.gain) for each in found] == expected

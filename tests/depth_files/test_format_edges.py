@@ -11,7 +11,7 @@ import pytest
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX, check_claim, picture_shape, tiff_claim
-from legoworld.depth_files.reading import files_named, read_pfm, read_picture
+from legoworld.depth_files.read_depth import files_named, read_pfm, read_picture
 from legoworld.evaluation.depth.arrays import DepthArray, in_range
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration, write_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
@@ -238,7 +238,7 @@ def test_where_a_number_is_a_depth() -> None:
     single = np.array([np.finfo(np.float32).max, np.finfo(np.float32).tiny, 0, -1], np.float32)
     assert in_range(single, signed=False).tolist() == [True, True, False, False]
     array = DepthArray(values=values[None], space="disparity", unit=None, intrinsics_px=None)
-    assert np.array_equal(array.predicted(values), in_range(values, signed=True))
+    assert np.array_equal(array.prediction_mask(values), in_range(values, signed=True))
 
 
 @pytest.mark.parametrize(

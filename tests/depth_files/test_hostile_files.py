@@ -17,10 +17,10 @@ from depth_files.array_files import npy, npz
 from hypothesis import given
 from hypothesis import strategies as st
 
-from legoworld.depth_files import reading
+from legoworld.depth_files import read_depth
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX
-from legoworld.depth_files.reading import npz_arrays
+from legoworld.depth_files.read_depth import npz_arrays
 from legoworld.evaluation.depth.declaration import Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.labelled import read_labelled
@@ -242,7 +242,7 @@ def test_arrays_that_are_read_at_once_are_counted_first(
     path = tmp_path / "many.npz"
     np.savez_compressed(path, a=np.zeros((2, 2)), b=np.zeros((2, 2)), c=np.zeros((99, 99)))
     assert sorted(npz_arrays(path, path.name, "ab")) == ["a", "b"]
-    monkeypatch.setattr(reading, "_MOST_BYTES", 10_000)
-    monkeypatch.setattr(reading, "_plain_numbers", lambda _: pytest.fail("read"))
+    monkeypatch.setattr(read_depth, "_MOST_BYTES", 10_000)
+    monkeypatch.setattr(read_depth, "_plain_numbers", lambda _: pytest.fail("read"))
     with pytest.raises(DepthFileError, match=r"7[0-9],[0-9]+ bytes of arrays, more than 10,000"):
         npz_arrays(path, path.name)

@@ -19,8 +19,8 @@ from waiting import until
 from legoworld.endpoint import session as session_module
 from legoworld.endpoint.blender import BlenderEndedError
 from legoworld.endpoint.listener import HOST, Listener, PortTakenError
+from legoworld.endpoint.serve import EndpointOptions, open_endpoint, record_path
 from legoworld.endpoint.server import MOST_CLIENTS, EndpointServer
-from legoworld.endpoint.serving import Serving, opened, record_of
 from legoworld.endpoint.session import Session, Trial
 from legoworld.records.endpoint import BlenderReply, Command, Success
 from legoworld.workers.protections import protections
@@ -209,7 +209,7 @@ def test_a_scene_that_does_not_open_any_more_is_passed_over(tmp_path, monkeypatc
     with closing(Session(trial)) as session:
         for call, data in enumerate([b"BLENDER good", b"BLENDER broken"], start=1):
             (tmp_path / "workspace" / "made").write_bytes(data)
-            found = session.record.incoming(tmp_path / "workspace", "made")
+            found = session.record.copy_incoming(tmp_path / "workspace", "made")
             assert found is not None
             session.record.take(*found, kind="live", call=call, at_s=0.0)
     with closing(Session(trial)) as session, EndpointServer(session, 0) as server:
@@ -243,14 +243,14 @@ def test_each_scene_is_kept_with_its_call_and_blender_ends_with_the_session(tmp_
 def test_what_is_served_and_what_is_kept_from_it_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(session_module, "LiveBlender", Saving)
     held = protections("limits")
-    serving = Serving(
+    serving = EndpointOptions(
         scene=None, port=0, workspace=tmp_path / "work", inputs=(), held=held, limits=LIMITS,
         call_time_s=300.0,
     )  # fmt: skip
     said: list[list[str]] = []
     for held_now in (held, replace(held, why_not=None)):
         said.append([])
-        with opened(replace(serving, held=held_now), notice=said[-1].append) as port:
+        with open_endpoint(replace(serving, held=held_now), notice=said[-1].append) as port:
             client = Client(port)
             with closing(client.line):
                 client.run("1")
@@ -259,7 +259,7 @@ def test_what_is_served_and_what_is_kept_from_it_is_said(tmp_path, monkeypatch):
     assert warning.startswith("warning: not kept from it: network, ")
     assert warning.endswith(" (not asked for)")
     assert not any("continuing" in line or "None" in line for line in first)
-    assert again[0] == f"continuing {record_of(tmp_path / 'work')} after 1 calls"
+    assert again[0] == f"continuing {record_path(tmp_path / 'work')} after 1 calls"
     assert not any("(" in line for line in again)
 
 
@@ -301,7 +301,7 @@ def test_a_client_that_is_being_handed_over_is_waited_for():
 def test_after_its_time_a_trial_answers_no_further_call(tmp_path, used_s, answered, monkeypatch):
     """Whatever Blender could do: it is not even asked."""
     (tmp_path / "workspace").mkdir()
-    monkeypatch.setattr(Session, "_answered", lambda *_: Success(result={}))
+    monkeypatch.setattr(Session, "_answer_command", lambda *_: Success(result={}))
     with closing(Session(trial_in(tmp_path))) as session:
         session.restart_clock(used_s)
         found = session.answer(Command(type="execute_code", params={"code": "1"}))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from legoworld.endpoint.framing import FramingError, MessageSplitter
+from legoworld.endpoint.message_frames import FramingError, MessageSplitter
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),

@@ -77,4 +77,4 @@ def test_why_it_ended_is_said(tmp_path, monkeypatch, ends, said):
 def test_what_the_next_call_finds_after_an_end_is_said(left_s, last, next_call):
     kept = {"live": None if last is None else SimpleNamespace(call=last)}
     session = SimpleNamespace(_left_s=lambda: left_s, _record=SimpleNamespace(last=kept.get))
-    assert Session._ended(session, "Blender ended") == f"Blender ended{next_call}"
+    assert Session._describe_end(session, "Blender ended") == f"Blender ended{next_call}"

@@ -17,8 +17,14 @@ from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
 from legoworld.endpoint.finalisation import export_submission, finalise
 from legoworld.endpoint.listener import HOST
 from legoworld.endpoint.screenshots import NotShownError, deliver_picture
+from legoworld.endpoint.serve import (
+    EndpointOptions,
+    open_endpoint,
+    record_path,
+    serve_endpoint,
+    workspace_path,
+)
 from legoworld.endpoint.server import EndpointServer
-from legoworld.endpoint.serving import Serving, opened, record_of, serve_endpoint, workspace_of
 from legoworld.endpoint.session import CALL_TIME_S, Session, Trial
 from legoworld.endpoint.trial_record import TrialRecord, read_rows, write_rows
 from legoworld.endpoint.workspace_finalisation import finalise_workspace
@@ -430,7 +436,7 @@ def test_the_last_save_that_opens_is_the_submission_else_the_open_scene(tmp_path
 def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_path, monkeypatch):
     workspace, asked = tmp_path / "workspace", []
     workspace.mkdir()
-    record = TrialRecord(record_of(workspace))
+    record = TrialRecord(record_path(workspace))
     row = Call(
         number=1, command="execute_code", code=None, at_s=40.0, seconds=5.0, status="success",
         said="", checkpoint=None,
@@ -471,13 +477,13 @@ def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_pat
 def serving(tmp_path, **how):
     known = {"scene": None, "port": 0, "workspace": tmp_path / "workspace", "inputs": (),
              "held": HELD, "limits": LIMITS, "call_time_s": 30.0}  # fmt: skip
-    return Serving(**{**known, **how})
+    return EndpointOptions(**{**known, **how})
 
 
 def test_an_endpoint_opens_its_scene_and_says_where_it_is_kept(tmp_path, live):
     options = serving(tmp_path, inputs=(tmp_path,), scene=tmp_path / "scene.blend")
     notices, words = [], []
-    with opened(options, notice=notices.append) as port:
+    with open_endpoint(options, notice=notices.append) as port:
         (begun,) = live.started
         assert (begun.blend, begun.inputs) == (options.scene, (tmp_path,))
         live.replies = [said({})]
@@ -488,8 +494,8 @@ def test_an_endpoint_opens_its_scene_and_says_where_it_is_kept(tmp_path, live):
     record = tmp_path / "workspace.trajectory"
     assert notices[-1] == f"Blender writes to {options.workspace}; every scene is kept in {record}"
     assert notices[0] == f"runs any code it is sent; kept from it: {', '.join(HELD.holds)}"
-    assert workspace_of(options) == tmp_path / "workspace"
-    assert str(workspace_of(replace(options, workspace=None, port=9))) == "blender-9"
+    assert workspace_path(options) == tmp_path / "workspace"
+    assert str(workspace_path(replace(options, workspace=None, port=9))) == "blender-9"
     over = SimpleNamespace(wait=words.append)
     serve_endpoint(options, over, say=words.append, notice=notices.append)
     assert words[0].startswith(f"listening on {HOST}:")
@@ -502,12 +508,12 @@ def test_a_workspace_s_own_scene_is_never_overwritten(tmp_path, live):
     other = serving(tmp_path, scene=tmp_path / "other.blend")
     with (
         pytest.raises(UsageError, match=r"has a scene\.blend already.*another --workspace"),
-        opened(other, notice=print),
+        open_endpoint(other, notice=print),
     ):
         pass
     assert live.started == []
     for scene in (saved, None):
-        with opened(serving(tmp_path, scene=scene), notice=lambda _: None):
+        with open_endpoint(serving(tmp_path, scene=scene), notice=lambda _: None):
             pass
     assert [begun.blend for begun in live.started] == [saved, None]
 
@@ -555,13 +561,13 @@ def test_the_limit_that_ended_a_blender_is_named(limit, words):
     stand_in = SimpleNamespace(
         _ending=ended, _watch=None, _limits=limits, close=lambda: closed.append(1)
     )
-    error = LiveBlender._over(stand_in, ConnectionError("closed"), 1.0)
+    error = LiveBlender._end_and_explain(stand_in, ConnectionError("closed"), 1.0)
     assert (str(error), error.limit, closed) == (words, limit, [1])
     stand_in._ending = None
-    error = LiveBlender._over(stand_in, TimeoutError(), 2.5)
+    error = LiveBlender._end_and_explain(stand_in, TimeoutError(), 2.5)
     assert str(error) == "Blender was ended: still busy 10 s after its 2.5 s were over"
     assert (error.limit, closed) == ("time", [1, 1])
-    error = LiveBlender._over(stand_in, ConnectionError("its end"), 2.5)
+    error = LiveBlender._end_and_explain(stand_in, ConnectionError("its end"), 2.5)
     assert (error.limit, closed) == (None, [1, 1, 1])
     assert str(error).startswith("Blender closed its line")
     assert "its end" in str(error)

@@ -7,10 +7,10 @@ from pathlib import PurePath
 import pytest
 from swapping import OUTSIDE, SWAPS, swapping
 
-from legoworld.agents.unfinished import Unfinished
+from legoworld.agents.unfinished_trial import UnfinishedTrial
 from legoworld.beneath import RefusedFileError
 from legoworld.endpoint.screenshots import NotShownError, deliver_picture
-from legoworld.endpoint.session import placed
+from legoworld.endpoint.session import copy_into_workspace
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.scene.folder import BLEND
 from legoworld.trajectories.folder import TRIAL
@@ -53,14 +53,17 @@ def test_a_scene_that_is_put_back_never_leaves_the_workspace(workspace, tmp_path
     (tmp_path / "stored.blend").write_text("BLENDER")
     with swapping(workspace / name, victim):
         for _ in range(SWAPS):
-            assert placed(tmp_path / "stored.blend", workspace, PurePath(name)) == workspace / name
+            assert (
+                copy_into_workspace(tmp_path / "stored.blend", workspace, PurePath(name))
+                == workspace / name
+            )
             assert victim.read_text() == "outside"
 
 
 def test_a_folder_in_the_place_of_the_scene_that_is_put_back_is_left_alone(workspace, tmp_path):
     (workspace / "recovered.blend").mkdir()
     (tmp_path / "stored.blend").write_text("BLENDER")
-    put = placed(tmp_path / "stored.blend", workspace, PurePath("recovered.blend"))
+    put = copy_into_workspace(tmp_path / "stored.blend", workspace, PurePath("recovered.blend"))
     assert put.parent == workspace
     assert put.read_text() == "BLENDER"
 
@@ -71,7 +74,7 @@ def test_a_save_is_taken_from_the_workspace_alone(workspace, tmp_path):
     record = TrialRecord(tmp_path / "record")
     with swapping(workspace / BLEND, victim):
         # "inside" is no .blend, and a link is not followed.
-        found = {outcome(lambda: record.incoming(workspace, BLEND)) for _ in range(SWAPS)}
+        found = {outcome(lambda: record.copy_incoming(workspace, BLEND)) for _ in range(SWAPS)}
     assert found == {"refused"}
 
 
@@ -122,13 +125,13 @@ def test_an_agent_s_linked_output_brings_nothing_from_outside(workspace, tmp_pat
     (outside / "session").mkdir()
     (outside / "session" / "mine").write_text("mine")
     (outside / "stdout.jsonl").write_text("mine")
-    unfinished = Unfinished(folder=tmp_path / "trial", stays=True)
-    (unfinished.made / TRIAL).mkdir(parents=True)
+    unfinished = UnfinishedTrial(folder=tmp_path / "trial", stays=True)
+    (unfinished.scene_folder / TRIAL).mkdir(parents=True)
     (unfinished.agent / "sandbox").mkdir(parents=True)
     (unfinished.agent / "sandbox" / "output").symlink_to(outside)
     unfinished.take_transcript("stdout.jsonl")
     unfinished.put_part_aside("stdout.jsonl")
-    assert list((unfinished.made / TRIAL).iterdir()) == []
+    assert list((unfinished.scene_folder / TRIAL).iterdir()) == []
     assert not unfinished.session.exists()
     assert sorted(path.name for path in outside.iterdir()) == ["session", "stdout.jsonl"]
 

@@ -12,7 +12,7 @@ from pycocotools import mask as coco_mask
 
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
-from legoworld.evaluation.detection.inputs.predictions import check_predictions, kind_of
+from legoworld.evaluation.detection.inputs.predictions import check_predictions, prediction_type
 from legoworld.evaluation.detection.inputs.truth import read_truth
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import read_run
@@ -167,7 +167,7 @@ def checked(folder: Path, task: str, truth: Document, predictions: Sequence[Any]
     protocol = detection_protocol(task)
     run = read_run(write_run(folder / "run", task, truth, predictions, **options))
     read = read_truth(write_truth(folder / "truth.json", truth), run, protocol)
-    batches = [as_predictions(predictions, kind_of(protocol))]
+    batches = [as_predictions(predictions, prediction_type(protocol))]
     return protocol, read, check_predictions(batches, run=run, truth=read, protocol=protocol)
 
 
@@ -179,11 +179,11 @@ def by_canonical_key(entry: Document) -> tuple[Any, ...]:
 def match_everything(protocol: Any, truth: Any, predictions: Any):
     """(problem, match table)."""
     from legoworld.evaluation.detection.matching.greedy import match_table
-    from legoworld.evaluation.detection.matching.matches import states_of
+    from legoworld.evaluation.detection.matching.matches import match_states
     from legoworld.evaluation.detection.problem import build_problem
 
     problem = build_problem(truth, predictions, protocol)
-    return problem, match_table(problem, states_of(problem, truth, predictions))
+    return problem, match_table(problem, match_states(problem, truth, predictions))
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:

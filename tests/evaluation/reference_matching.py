@@ -10,9 +10,9 @@ import numpy as np
 from pycocotools import mask as coco_mask
 from scipy.optimize import linear_sum_assignment
 
-from legoworld.evaluation.detection.inputs.masks import areas_px, compressed
+from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.detection.matching.pairing import HIT
+from legoworld.evaluation.detection.matching.score_free_pairs import HIT
 from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 
 PREFER_HIT, PREFER_LABEL = 1e-9, 1e-11
@@ -28,7 +28,7 @@ def overlaps(chunk):
             shapes, wanted = chunk.shapes[mine], chunk.true_shapes[true]
         else:
             shapes = [mask(counts, size_hw) for counts in chunk.shapes[mine]]
-            wanted = [compressed(m, size_hw) for m in chunk.true_shapes[true]]
+            wanted = [compress_mask(m, size_hw) for m in chunk.true_shapes[true]]
         found.append(coco_mask.iou(shapes, wanted, chunk.truths.crowd[true].astype(int).tolist()))
     return np.concatenate([iou.ravel() for iou in found]), areas(chunk)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from legoworld.evaluation.detection.matching.greedy import IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
-from legoworld.evaluation.detection.matching.matches import matches_of
+from legoworld.evaluation.detection.matching.matches import match_and_pair
 from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import (
     first_reached,
@@ -89,7 +89,7 @@ def average_precision_in_orders(ranking, order, plain, n_truths):
 
 
 def pair_metrics(problem, truth, predictions, samples, *, class_aware):
-    matches = matches_of(problem, truth, predictions)
+    matches = match_and_pair(problem, truth, predictions)
     pairs = matches.aware if class_aware else matches.agnostic
     return matched_metrics(matched_counts(problem, pairs), samples)
 

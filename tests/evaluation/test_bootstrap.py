@@ -22,7 +22,7 @@ from legoworld.evaluation.bootstrap import (
 )
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
-from legoworld.evaluation.detection.scoring import frequencies_of
+from legoworld.evaluation.detection.scoring import category_frequencies
 
 
 def resampled(truth, predictions, counts):
@@ -51,7 +51,7 @@ def test_samples_equal_direct_evaluation_of_the_resampled_images(task, levels, t
     protocol, read, predictions = checked(tmp_path, task, truth, raw)
     problem, table = match_everything(protocol, read, predictions)
     counts = resample_counts(10, 6, seed=5)
-    found = resampled_metrics(table, protocol, counts, frequencies_of(read))
+    found = resampled_metrics(table, protocol, counts, category_frequencies(read))
     pairs = {
         aware: pair_metrics(problem, read, predictions, counts, class_aware=aware)
         for aware in (True, False)
@@ -77,7 +77,7 @@ def test_the_compiled_loops_are_the_plain_formulation_to_the_last_bit(task, leve
     raw = random_predictions(task, truth, seed=33, levels=levels, per_image=14)
     protocol, read, predictions = checked(tmp_path, task, truth, raw)
     _, table = match_everything(protocol, read, predictions)
-    counts, letters = resample_counts(9, 12, seed=2), frequencies_of(read)
+    counts, letters = resample_counts(9, 12, seed=2), category_frequencies(read)
     found = resampled_metrics(table, protocol, counts, letters)
     plain = reference_resampling.resampled_metrics(table, protocol, counts, letters)
     assert np.isfinite(found["AP"]).all()

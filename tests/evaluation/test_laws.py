@@ -18,7 +18,7 @@ from legoworld import cli
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.records.base import as_json
 from legoworld.shipped.catalog import folder
-from legoworld.tracks.dataset_versions import dataset_of
+from legoworld.tracks.dataset_versions import find_dataset
 
 TASKS = pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 
@@ -49,15 +49,15 @@ def test_the_truth_as_predictions_scores_one(task, tmp_path):
 
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 def test_the_shipped_truth_scores_one_against_itself(task, tmp_path):
-    path = folder("datasets") / "skimage_examples" / f"truth_{dataset_of(task)}.json"
+    path = folder("datasets") / "skimage_examples" / f"truth_{find_dataset(task)}.json"
     truth = json.loads(path.read_text(encoding="utf-8"))
     predictions = as_predictions(task, truth)
     if task != "coco":
-        from legoworld.evaluation.detection.inputs.masks import compressed
+        from legoworld.evaluation.detection.inputs.masks import compress_mask
 
         sizes = {i["id"]: (i["height"], i["width"]) for i in truth["images"]}
         for p in predictions:
-            mask = compressed(p["segmentation"], sizes[p["image_id"]])
+            mask = compress_mask(p["segmentation"], sizes[p["image_id"]])
             p["segmentation"] = {
                 "size": list(mask["size"]),
                 "counts": mask["counts"].decode("ascii"),
@@ -65,7 +65,7 @@ def test_the_shipped_truth_scores_one_against_itself(task, tmp_path):
     run = write_run(tmp_path / "run", task, truth, predictions)
     evaluation = evaluate_detections(run, path, tmp_path / "eval", evaluator="official", draws=10)
     assert evaluation.summary.metrics["AP"] == pytest.approx(1.0)
-    assert evaluation.summary.dataset_version == {"coco": "2017", "lvis": "1.0"}[dataset_of(task)]
+    assert evaluation.summary.dataset_version == {"coco": "2017", "lvis": "1.0"}[find_dataset(task)]
 
 
 @TASKS

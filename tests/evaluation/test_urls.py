@@ -67,7 +67,7 @@ def test_inputs_are_named_by_where_they_really_are(tmp_path):
 
 
 def test_a_password_in_a_url_is_not_written_down(tmp_path):
-    from legoworld.evaluation.opening import Origins, prepared_inputs
+    from legoworld.evaluation.prepare_inputs import Origins, prepared_inputs
     from legoworld.records.detection import DetectionConfiguration
 
     (tmp_path / "run.json").write_text("{}")

@@ -15,8 +15,8 @@ from mcp import Client
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.connection import BlenderConnection
 from legoworld.plugin.evidence import Evidence, read_evidence
-from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.live import LiveBlender
+from legoworld.plugin.make_evidence import UserEvidence, make_evidence
 from legoworld.plugin.measure import measure, surface_view
 from legoworld.plugin.server import plugin_server
 from legoworld.plugin.state import LiveScene, read_live
@@ -109,7 +109,7 @@ def seen_object(scene: LiveScene, folder: Path) -> tuple[str, Evidence]:
         json.dumps({"regions": [{"name": "it", "polygons": polygons}]})
     )
     cv2.imwrite(str(folder / "photo.png"), np.zeros((height, width, 3), np.uint8))
-    given = Given(
+    given = UserEvidence(
         photo=folder / "photo.png",
         regions=[folder / "outlines.json"],
         image_id=None,

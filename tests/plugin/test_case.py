@@ -9,7 +9,7 @@ from plugin.live_room import reopened
 
 from legoworld.plugin.connection import Address, BlenderConnection, BlenderUnreachableError
 from legoworld.plugin.ledger import LedgerBrokenError, read_ledger
-from legoworld.plugin.recorded import TransactionError
+from legoworld.plugin.open_ledger import TransactionError
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_ledger import Declaration
 

@@ -17,10 +17,10 @@ from hypothesis.extra import numpy as arrays
 from pycocotools import mask as rle
 
 from legoworld.cli import run
-from legoworld.evaluation.detection.inputs.masks import measured
+from legoworld.evaluation.detection.inputs.masks import measure_masks
 from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
-from legoworld.plugin.evidence_making import Given, make_evidence
 from legoworld.plugin.evidence_runs import depth_file
+from legoworld.plugin.make_evidence import UserEvidence, make_evidence
 from legoworld.readouts.masks import covered_px
 from legoworld.readouts.protocol import protocol
 
@@ -44,7 +44,7 @@ def made(tmp_path, photo, regions=None, **options):
         "photo": photo, "regions": paths, "image_id": None, "vocabulary": None, "depth": None,
         "depth_space": "depth", "hfov_deg": None, **options,
     }  # fmt: skip
-    make_evidence(Given(**values), tmp_path / "evidence")
+    make_evidence(UserEvidence(**values), tmp_path / "evidence")
     return read_evidence(tmp_path / "evidence")
 
 
@@ -111,8 +111,8 @@ def test_a_mask_of_another_size_in_evidence_itself_is_refused(tmp_path, photo):
 def test_run_lengths_are_counted_as_pycocotools_writes_them(pixels):
     text = rle.encode(np.asfortranarray(pixels))["counts"].decode()
     assert covered_px(text) == pixels.size
-    assert covered_px(text) == measured([text])[0][0]
-    assert covered_px(text[:-1]) == measured([text[:-1]])[0][0]
+    assert covered_px(text) == measure_masks([text])[0][0]
+    assert covered_px(text[:-1]) == measure_masks([text[:-1]])[0][0]
 
 
 def test_results_of_other_images_are_refused(tmp_path, photo):

@@ -13,7 +13,7 @@ from legoworld.cli import run
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
 from legoworld.plugin.evidence_depth import GivenDepth, write_depth
-from legoworld.plugin.evidence_making import photo_alone
+from legoworld.plugin.make_evidence import photo_alone
 from legoworld.records.base import decode
 from legoworld.records.plugin_evidence import ProviderCamera
 

@@ -12,7 +12,7 @@ import pytest
 from mcp import Client
 from plugin.talking import called
 
-from legoworld.plugin.finishing import (
+from legoworld.plugin.final_steps import (
     StaleError,
     _review_size,
     export,
@@ -20,9 +20,9 @@ from legoworld.plugin.finishing import (
     render_for_review,
     validate,
 )
-from legoworld.plugin.recorded import TransactionError
+from legoworld.plugin.open_ledger import TransactionError
+from legoworld.plugin.remaining_work import list_unfinished
 from legoworld.plugin.server import plugin_server
-from legoworld.plugin.unfinished import unfinished
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_ledger import Declaration
 
@@ -46,23 +46,23 @@ def test_a_case_from_a_commit_to_its_files(case, run, tmp_path):
     report = validate(case, [kinds.Existence(entity="Chair"), STANDS])
     assert [r.requirement for r in report.results] == [STANDS, kinds.Existence(entity="Chair")]
     assert not report.blocked
-    assert "No render" in unfinished(case.ledger.entries, [])[0]
+    assert "No render" in list_unfinished(case.ledger.entries, [])[0]
 
     made, png = render_for_review(case)
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape == (120, 160, 3)  # the scene's own size: there is no photo
     assert case.artefacts.read(made.render_sha256, "png") == png
     assert render_for_review(case)[1] == png
-    assert "is not reviewed" in unfinished(case.ledger.entries, [])[0]
+    assert "is not reviewed" in list_unfinished(case.ledger.entries, [])[0]
     note_review(case, made.render_sha256, ["the cup stands too far left"])
-    assert unfinished(case.ledger.entries, []) == ()
+    assert list_unfinished(case.ledger.entries, []) == ()
 
     done = export(case, render_wh=(96, 54))
     folder = tmp_path / "export"
     assert {"scene.blend", "scene.glb", "render.png"} <= set(done.files)
     assert {p.name for p in folder.iterdir()} == set(done.files)
     assert cv2.imread(str(folder / "render.png")).shape == (54, 96, 3)
-    assert unfinished(case.ledger.entries, []) == ()
+    assert list_unfinished(case.ledger.entries, []) == ()
 
     run("import bpy; bpy.data.objects['Cup'].location.z += 1")
     with pytest.raises(StaleError, match="no such render"):
@@ -71,7 +71,7 @@ def test_a_case_from_a_commit_to_its_files(case, run, tmp_path):
     assert [r.verdict for r in again.results] == ["fail"]
     with pytest.raises(StaleError, match="another state"):
         note_review(case, made.render_sha256, [])
-    assert len(unfinished(case.ledger.entries, [])) == 2
+    assert len(list_unfinished(case.ledger.entries, [])) == 2
 
 
 def test_reports_and_renders_are_resources_by_hash(case):

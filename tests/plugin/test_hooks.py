@@ -10,7 +10,7 @@ import pytest
 
 from legoworld.plugin.hooks import MOST_BLOCKS, HookInputError, HookRules, edits, hook_answer
 from legoworld.plugin.ledger import Ledger
-from legoworld.plugin.unfinished import unfinished
+from legoworld.plugin.remaining_work import list_unfinished
 from legoworld.records.plugin_ledger import HookMark
 
 TOOL = {"claude": "mcp__blender__execute_blender_code", "codex": "mcp__b__execute_code",
@@ -166,7 +166,7 @@ def test_half_a_line_of_a_killed_hook_counts_for_nothing(told):
 
 
 def test_marks_before_a_report_do_not_make_it_stale():
-    assert unfinished([], [HookMark(ledger_seq=0, what="block")]) == ()
+    assert list_unfinished([], [HookMark(ledger_seq=0, what="block")]) == ()
 
 
 def test_the_command_reads_an_event_with_a_byte_order_mark(tmp_path):

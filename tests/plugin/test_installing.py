@@ -9,8 +9,8 @@ import tomllib
 import pytest
 
 from legoworld.cli import run
-from legoworld.plugin.installing import SettingsError, Wanted, hook_command, install
-from legoworld.plugin.json_text import added, removed
+from legoworld.plugin.install import InstallPlan, SettingsError, hook_command, install
+from legoworld.plugin.json_text import add_value, remove_fragments
 
 HOOKS = {"claude": ".claude/settings.json", "codex": ".codex/hooks.json",
          "cursor": ".cursor/hooks.json"}  # fmt: skip
@@ -154,7 +154,7 @@ def test_without_write_the_settings_are_printed(tmp_path, capsys):
 @pytest.mark.parametrize("gone", [False, True])
 def test_the_command_blocks_when_its_program_fails_or_is_gone(tmp_path, gone):
     """As a shell of the harness runs it: a code other than 0 or 2 would let the call pass."""
-    wanted = Wanted(dialect="claude", project=tmp_path, ledger=tmp_path / "case's", serve=(),
+    wanted = InstallPlan(dialect="claude", project=tmp_path, ledger=tmp_path / "case's", serve=(),
                     require_transaction=False)  # fmt: skip
     command = hook_command(wanted)
     if gone:
@@ -180,7 +180,7 @@ def test_settings_are_linked_files_too(tmp_path):
 
 def test_one_file_that_cannot_be_changed_leaves_all_alone(tmp_path):
     project_with(tmp_path, {".claude/settings.json": "[", ".mcp.json": "{}"})
-    wanted = Wanted(dialect="claude", project=tmp_path, ledger=tmp_path, serve=(),
+    wanted = InstallPlan(dialect="claude", project=tmp_path, ledger=tmp_path, serve=(),
                     require_transaction=True)  # fmt: skip
     with pytest.raises(SettingsError):
         install(wanted)
@@ -192,10 +192,10 @@ def test_adding_and_removing_are_inverse(text):
              (("deep", "er", "est"), {"z": True})]  # fmt: skip
     after, fragments = text, []
     for path, value in paths:
-        after, more = added(after, path, value)
+        after, more = add_value(after, path, value)
         fragments += more
     document = json.loads(after)
     assert document["hooks"]["A"] == [{"x": [1, "]"]}]
     assert document["hooks"]["Stop"][-2:] == [1, {"y": None}]
     assert document["deep"] == {"er": {"est": {"z": True}}}
-    assert removed(after, fragments) == text
+    assert remove_fragments(after, fragments) == text

@@ -13,7 +13,7 @@ from legoworld.errors import UsageError
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.ledger import read_ledger
 from legoworld.plugin.live import LiveBlender
-from legoworld.plugin.serving import one_server
+from legoworld.plugin.serve import one_server
 from legoworld.records.plugin_ledger import Declaration, TransactionLimits
 
 pytestmark = pytest.mark.blender

@@ -15,11 +15,11 @@ from plugin.talking import called
 
 from legoworld.errors import NonFiniteGeometryError, UsageError
 from legoworld.plugin.connection import BlenderRefusedError
-from legoworld.plugin.finishing import export
+from legoworld.plugin.final_steps import export
 from legoworld.plugin.ledger import LEDGER, LedgerBrokenError, read_ledger
-from legoworld.plugin.recorded import TransactionError
+from legoworld.plugin.open_ledger import TransactionError
+from legoworld.plugin.remaining_work import list_unfinished
 from legoworld.plugin.server import plugin_server
-from legoworld.plugin.unfinished import unfinished
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import canonical
 from legoworld.records.plugin_ledger import Declaration, TransactionLimits
@@ -185,11 +185,11 @@ def test_a_commit_without_requirements_does_not_finish_what_another_required(cas
     case.begin(Declaration(editable=("Cup",), kinds=("transform",), requirements=(ON_TABLE,)))
     blender_code.run(ACROSS)
     assert case.commit()[0].accepted
-    assert not any("validate" in left for left in unfinished(case.ledger.entries, ()))
+    assert not any("validate" in left for left in list_unfinished(case.ledger.entries, ()))
     case.begin(MOVE_CUP)
     blender_code.run("import bpy; bpy.data.objects['Cup'].location.z += 1")
     assert case.commit()[0].accepted
-    left = unfinished(case.ledger.entries, ())
+    left = list_unfinished(case.ledger.entries, ())
     assert any("validate" in sentence for sentence in left), left
 
 
@@ -279,7 +279,7 @@ def test_other_evidence_does_not_continue_a_case(tmp_path, blender_code, blender
         with pytest.raises(TransactionError, match="other evidence"):
             reopened(tmp_path, blender_code, blender, evidence=evidence).serve()
     assert [entry.tool for entry in read_ledger(tmp_path)] == ["serve"]
-    assert unfinished(read_ledger(tmp_path), ()) == ()
+    assert list_unfinished(read_ledger(tmp_path), ()) == ()
 
 
 #: Runs in Blender after each save: what the plugin then finds in its copy's place.

@@ -23,7 +23,7 @@ def square(x, y, side, size_wh=(64, 48)):
 
 @given(masks)
 def test_a_mask_beside_itself_has_no_residual(mask):
-    shape = residuals.shape_of(mask)
+    shape = residuals.measure_shape(mask)
     assert residuals.centroid_offset(shape, shape, (23, 17)) == (0.0, 0.0)
     assert residuals.extent_ratio(shape, shape) == (0.0, 0.0)
     assert residuals.overlap(mask, mask) == 1.0
@@ -39,14 +39,17 @@ def test_overlap_and_boundary_are_symmetric(first, second):
 
 @pytest.mark.parametrize("shift", [1, 5, 20])
 def test_a_shift_is_its_share_of_the_picture(shift):
-    a, b = residuals.shape_of(square(10 + shift, 8, 12)), residuals.shape_of(square(10, 8, 12))
+    a, b = (
+        residuals.measure_shape(square(10 + shift, 8, 12)),
+        residuals.measure_shape(square(10, 8, 12)),
+    )
     du, dv = residuals.centroid_offset(a, b, (64, 48))
     assert du == pytest.approx(shift / 64, abs=1e-15)
     assert dv == 0.0
 
 
 def test_twice_the_size_is_log_two():
-    a, b = residuals.shape_of(square(4, 4, 20)), residuals.shape_of(square(4, 4, 10))
+    a, b = residuals.measure_shape(square(4, 4, 20)), residuals.measure_shape(square(4, 4, 10))
     assert residuals.extent_ratio(a, b) == pytest.approx((np.log(2), np.log(2)), abs=1e-15)
 
 

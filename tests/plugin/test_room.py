@@ -18,9 +18,9 @@ from plugin.synthetic import (
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.residuals import SMALLEST_PX
-from legoworld.plugin.room import RoomUnknownError, recover_room, shell_view, structures_of
+from legoworld.plugin.room import RoomUnknownError, assign_structures, recover_room, shell_view
 from legoworld.plugin.room_fit import FACES, fit_box, rays, seen_face
-from legoworld.plugin.vanishing import UntoldError, manhattan_camera
+from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
 
 W, H = SIZE
 
@@ -41,7 +41,7 @@ def test_walls_of_known_rooms_are_found_and_unseen_ones_are_unknown():
         gray = picture(triangles, world_from_cam, place, hfov, random)
         try:
             estimate = manhattan_camera(gray, hfov).world_from_cam
-        except UntoldError:
+        except UndeterminedError:
             continue
         labels = labels_of(seen_faces(triangles, world_from_cam, place, hfov))
         fit = fit_box(rays(tuple(map(tuple, estimate)), hfov, SIZE), labels)
@@ -84,7 +84,7 @@ def known():
 
 
 def test_a_room_is_recovered_by_the_names_of_its_regions(known):
-    structures = structures_of(known, None)
+    structures = assign_structures(known, None)
     assert structures == {"ceiling": "ceiling", "floor": "floor", "wall": "wall"}
     made = recover_room(known, structures, camera_height_m=1.5)
     assert made.agreement > 0.98
@@ -101,13 +101,13 @@ def test_a_room_is_recovered_by_the_names_of_its_regions(known):
 )  # fmt: skip
 def test_names_and_categories_say_what_a_region_shows(name, category, shows):
     mask = np.ones((H, W), bool)
-    said = structures_of(evidence_with([region_of(name, mask, category)]), None)
+    said = assign_structures(evidence_with([region_of(name, mask, category)]), None)
     assert said == ({} if shows is None else {name: shows})
 
 
 def test_a_region_that_is_not_there_is_refused(known):
     with pytest.raises(EvidenceInvalidError, match="plinth"):
-        structures_of(known, {"plinth": "floor"})
+        assign_structures(known, {"plinth": "floor"})
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_without_a_camera_there_is_no_room(known):
 
 
 def test_a_plan_orders_objects_by_depth_and_says_what_is_hidden(known):
-    plan = construction_plan(known, structures_of(known, None))
+    plan = construction_plan(known, assign_structures(known, None))
     assert [o.depth_rank for o in plan.objects] == list(range(1, len(plan.objects) + 1))
     assert (plan.objects[0].relative_depth, plan.objects[-1].relative_depth) == (0.0, 1.0)
     assert all(0 <= o.relative_depth <= 1 for o in plan.objects)

@@ -11,8 +11,8 @@ import pytest
 
 from legoworld.plugin.measure_world import InTheWorld, UnknownError
 from legoworld.plugin.penetration import penetration_m
-from legoworld.plugin.resting import centre_of_mass, rest_on
 from legoworld.plugin.solids import facing_angle_deg
+from legoworld.plugin.support import centre_of_mass, rest_on
 
 #: The 12 triangles of a box, by its corners in the order of `itertools.product`, seen from outside.
 FACES = np.array(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plugin.synthetic import SIZE, camera, picture, room
 
-from legoworld.plugin.vanishing import UntoldError, _segments, manhattan_camera
+from legoworld.plugin.vanishing_points import UndeterminedError, _segments, manhattan_camera
 
 
 def error_deg(estimate, truth):
@@ -31,7 +31,7 @@ def test_rooms_of_known_cameras_are_found_to_a_degree():
         gray = picture(room(random), world_from_cam, place, hfov, random)
         try:
             found = manhattan_camera(gray, hfov)
-        except UntoldError:
+        except UndeterminedError:
             unknown += 1
             continue
         assert np.allclose(found.world_from_cam @ found.world_from_cam.T, np.eye(3), atol=1e-9)
@@ -64,7 +64,7 @@ def test_a_picture_that_does_not_tell_is_unknown(name):
     if name == "one direction":
         for x in range(20, 640, 30):
             gray[:, x : x + 12] = 220
-    with pytest.raises(UntoldError):
+    with pytest.raises(UndeterminedError):
         manhattan_camera(gray, 60)
 
 
@@ -78,7 +78,7 @@ def test_a_steep_view_along_the_walls_does_not_tell_which_way_is_up():
         if pitch_deg == -20:
             assert error_deg(manhattan_camera(gray, 75).world_from_cam, world_from_cam) <= 1.0
         else:
-            with pytest.raises(UntoldError, match="could be up"):
+            with pytest.raises(UndeterminedError, match="could be up"):
                 manhattan_camera(gray, 75)
 
 

@@ -14,7 +14,7 @@ from legoworld.records.base import as_json, canonical, decode, readable
 from legoworld.records.depth import DepthComparison
 from legoworld.records.detection import DetectionComparison
 from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.folders.evaluation_reading import (
+from legoworld.records.folders.read_evaluation import (
     EvaluationFolderError,
     read_category_rows,
     read_evaluation_evidence,

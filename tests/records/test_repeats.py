@@ -6,7 +6,7 @@ import pytest
 from scene.by_hand import HandScene
 
 from legoworld.errors import CatalogError
-from legoworld.records.repeats import repeated
+from legoworld.records.repeats import find_repeated
 from legoworld.scene import labels
 from legoworld.tracks.track import TrackImage, _refuse_duplicates
 from legoworld.tracks.vocabulary import from_json
@@ -34,15 +34,15 @@ def names(count):
 
 
 def test_the_repeated_ones_in_the_order_they_were_first_met():
-    assert repeated("abcacbxa") == ["a", "b", "c"]
-    assert repeated([]) == repeated([3, 1, 2]) == []
+    assert find_repeated("abcacbxa") == ["a", "b", "c"]
+    assert find_repeated([]) == find_repeated([3, 1, 2]) == []
 
 
 COUNT = 2000
 
 
 def test_repeated_values_are_found_with_a_look_at_each():
-    assert repeated([*names(COUNT), Counted("name 1999")]) == ["name 1999"]
+    assert find_repeated([*names(COUNT), Counted("name 1999")]) == ["name 1999"]
     assert Counted.compared < 3 * COUNT
 
 

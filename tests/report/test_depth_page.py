@@ -14,7 +14,7 @@ from report.pages import Tables, document_of, page_of
 from legoworld.evaluation.pixels.view import decoded
 from legoworld.records import base as record
 from legoworld.records.evaluation_view import DepthView
-from legoworld.report.depth_images import NO_DEPTH, depth_view, encoded
+from legoworld.report.depth_images import NO_DEPTH, depth_view, encode_depth
 
 NAMES = ("a.png", "b.png", "c.png")
 
@@ -71,7 +71,7 @@ def test_one_scale_holds_truth_and_prediction(evaluation: Path) -> None:
 def test_a_single_value_is_coded_exactly() -> None:
     z = np.full((2, 3), 4.0, np.float32)
     z[0, 0] = np.inf
-    codes = np.frombuffer(base64.b64decode(encoded(z, 4.0, 0.0)), "<u2")
+    codes = np.frombuffer(base64.b64decode(encode_depth(z, 4.0, 0.0)), "<u2")
     assert codes.tolist() == [NO_DEPTH, 0, 0, 0, 0, 0]
 
 

@@ -24,7 +24,7 @@ from report.pages import (
 )
 
 from legoworld import cli
-from legoworld.evaluation.detection.inputs.masks import areas_px, compressed
+from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
 from legoworld.report import page_file
 
 OVERHANG = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
@@ -264,7 +264,7 @@ def test_masks_are_outlined_along_their_pixels(chrome: Browser, tmp_path: Path) 
     truth = random_truth("lvis", seed=3, images=1)
     shapes = [random.random((90, 120)) < share for share in (0.02, 0.5, 0.9)]
     shapes.append(cv2.circle(np.zeros((90, 120), np.uint8), (60, 45), 30, 1, 7) > 0)
-    masks = [compressed(rle_of(m), (90, 120)) for m in shapes]
+    masks = [compress_mask(rle_of(m), (90, 120)) for m in shapes]
     assert areas_px(masks).tolist() == [m.sum() for m in shapes]
     ids = [c["id"] for c in truth["categories"]]
     predictions = [

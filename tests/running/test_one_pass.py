@@ -106,9 +106,7 @@ def test_each_scene_is_hashed_read_and_drawn_once(scenes, cache, tmp_path, monke
 
         return call
 
-    monkeypatch.setattr(
-        shared_scene, "checked_scene", counted("hashed", shared_scene.checked_scene)
-    )
+    monkeypatch.setattr(shared_scene, "check_scene", counted("hashed", shared_scene.check_scene))
     monkeypatch.setattr(shared_scene, "read_scene", counted("read", shared_scene.read_scene))
     monkeypatch.setattr(scene_views, "view", counted("drawn", scene_views.view))
     legoworld.readout(scenes, tmp_path, task=TASKS, cache=cache, workers=1)
@@ -149,7 +147,7 @@ class Lost:
 
 def shared(tmp_path, monkeypatch, reading) -> SharedScene:
     monkeypatch.setattr(shared_scene, "read_scene", reading)
-    monkeypatch.setattr(shared_scene, "checked_scene", lambda *_a, **_k: ("folder", "files"))
+    monkeypatch.setattr(shared_scene, "check_scene", lambda *_a, **_k: ("folder", "files"))
     options = ImageOptions(
         scenes=tmp_path, run=tmp_path, protocol=protocol("coco", None), source="blend", cache=None,
         require_frozen=False, max_side=None, threads=1,
@@ -190,9 +188,9 @@ def test_a_missing_scene_is_looked_for_once(tmp_path, monkeypatch):
         calls.append(1)
         raise UsageError("missing")
 
-    monkeypatch.setattr(shared_scene, "checked_scene", missing)
+    monkeypatch.setattr(shared_scene, "check_scene", missing)
     scene = HashedScene("a", shared(tmp_path, monkeypatch, Lost(0))._options)
-    monkeypatch.setattr(shared_scene, "checked_scene", missing)
+    monkeypatch.setattr(shared_scene, "check_scene", missing)
     for _ in range(2):
         with pytest.raises(UsageError):
             _ = scene.folder

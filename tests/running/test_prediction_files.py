@@ -23,7 +23,7 @@ from legoworld.records.folders.prediction_files import (
     PredictionsUnreadableError,
     delete_predictions,
     prediction_files,
-    predictions_of,
+    read_image_predictions,
     stored_batches,
     write_predictions,
 )
@@ -79,7 +79,7 @@ def any_batch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 def test_what_is_written_is_read(images_per_file, tmp_path):
     files = written(tmp_path, images_per_file)
     assert stored(files) == ENTRIES
-    assert list(predictions_of(IDS, files)) == IMAGES
+    assert list(read_image_predictions(IDS, files)) == IMAGES
     if images_per_file is not None:
         assert len(files) == -(-len(IMAGES) // images_per_file)
         lines = "".join(path.read_text() for path in files)
@@ -185,7 +185,7 @@ def test_images_out_of_order_lose_predictions_and_never_get_others(tmp_path):
     """A killed run can leave files of two runs: what their rows say then tells them apart."""
     path = tmp_path / "00000.jsonl"
     path.write_text("".join(canonical(mask(i, "")) + "\n" for i in (2, 5, 3, 3, 8)))
-    found = list(predictions_of([1, 2, 3, 4, 5, 8], [path]))
+    found = list(read_image_predictions([1, 2, 3, 4, 5, 8], [path]))
     assert found == [(), (mask(2, ""),), (), (), (mask(5, ""),), (mask(8, ""),)]
 
 

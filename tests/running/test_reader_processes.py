@@ -66,7 +66,7 @@ def test_a_killed_process_is_replaced_once(
     most, lost, scenes, tmp_path, always, capsys, monkeypatch
 ):
     started: list[int] = []
-    start = TaskProcess._started
+    start = TaskProcess._start
 
     def killed(self: TaskProcess[Any, Any]) -> subprocess.Popen[bytes]:
         process = start(self)
@@ -76,7 +76,7 @@ def test_a_killed_process_is_replaced_once(
         return process
 
     with monkeypatch.context() as patch:
-        patch.setattr(TaskProcess, "_started", killed)
+        patch.setattr(TaskProcess, "_start", killed)
         readout(scenes, tmp_path / "run", "--workers", 2)
     assert len(started) >= min(most, 2 * 9)
     capsys.readouterr()

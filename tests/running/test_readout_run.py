@@ -217,7 +217,7 @@ def test_a_scene_over_its_time_or_memory_is_its_own_verdict(scenes, tmp_path: Pa
 def test_two_runs_into_one_folder_are_refused(scenes, track, tmp_path: Path, capsys):
     from legoworld.records.folders import run_folder
 
-    with run_folder.locked(tmp_path):
+    with run_folder.lock_run(tmp_path):
         assert readout(scenes, "--task", "coco", "--track", track, "-o", tmp_path) == 2
     assert "another process" in capsys.readouterr().err
 

@@ -10,7 +10,7 @@ import pytest
 from legoworld.readouts.protocol import protocol
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.records.run_rows import DepthFile, RunRow
-from legoworld.running.image import arrived
+from legoworld.running.image import check_arrived
 from legoworld.running.image_record import ImageOptions
 
 
@@ -49,8 +49,8 @@ def test_a_depth_file_that_is_not_seen_here_is_a_verdict(tmp_path: Path):
         depth=DepthFile(file="depth/a.npz"),
     )  # fmt: skip
     record = ImageRecord(row=row, scene=ImageSource(scene="a"))
-    assert arrived(record, there) is record
-    lost = arrived(record, options)
+    assert check_arrived(record, there) is record
+    lost = check_arrived(record, options)
     assert (lost.row.status, lost.row.code) == ("failed", "run_folder_not_shared")
     assert (lost.row.image_id, lost.row.scene, lost.row.size_wh) == (1, "a", (4, 3))
     assert not lost.row.depth

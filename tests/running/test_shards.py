@@ -13,7 +13,7 @@ from scene.gltf.documents import Document
 
 from legoworld import cli
 from legoworld.errors import UsageError
-from legoworld.running.merging import _refuse_losses
+from legoworld.running.merge_shards import _refuse_losses
 
 
 @pytest.fixture(scope="module")

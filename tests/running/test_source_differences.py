@@ -68,7 +68,7 @@ def test_the_same_scene_twice(tmp_path):
     assert [(p.blend_area_px, p.glb_area_px) for p in found.pairs] == [(16, 16), (64, 64), (36, 36)]
     assert (found.lost, found.gained, found.differences) == ((), (), ())
     assert found.unseen == 1  # Far
-    assert (found.differing_px, found.disagreeing, found.faithful) == (0, 0, True)
+    assert (found.differing_px, found.n_disagreeing, found.faithful) == (0, 0, True)
 
 
 def test_an_instance_that_moved_and_one_of_each_side(tmp_path):
@@ -78,7 +78,7 @@ def test_an_instance_that_moved_and_one_of_each_side(tmp_path):
     assert [(p.name, p.iou) for p in found.pairs] == [("Chair", 48 / 80), ("Apple", 1.0)]
     assert [e.name for e in found.lost] == ["Rock"]
     assert [e.name for e in found.gained] == ["Tree"]
-    assert (found.differing_px, found.disagreeing, found.faithful) == (32 + 36, 1, False)
+    assert (found.differing_px, found.n_disagreeing, found.faithful) == (32 + 36, 1, False)
 
 
 def test_a_pair_at_the_limit_agrees(tmp_path):
@@ -98,13 +98,13 @@ def test_a_pair_at_the_limit_agrees(tmp_path):
         found = compare_sources(replace(ours, entries=entries), replace(theirs, entries=smaller))
     assert {p.name: p.iou for p in found.pairs} == {"Aisle": 1.0, "Wall": 0.999}
     assert [p.name for p in found.pairs] == ["Aisle", "Wall"]  # both agree: by name
-    assert found.disagreeing == 0
+    assert found.n_disagreeing == 0
 
 
 def test_another_category_alone_is_not_faithful(tmp_path):
     other = (SQUARES[0], ("Apple", -20, 4, 4, "tree"), SQUARES[2])
     found = compared(opened(tmp_path / "a"), opened(tmp_path / "b", other))
-    assert (found.differing_px, found.disagreeing, found.lost) == (0, 0, ())
+    assert (found.differing_px, found.n_disagreeing, found.lost) == (0, 0, ())
     assert not found.faithful
     hidden = (*SQUARES, ("Far", 500, 500, 4, "tree"))
     found = compared(opened(tmp_path / "a"), opened(tmp_path / "c", hidden))

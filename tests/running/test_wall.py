@@ -123,14 +123,14 @@ def test_half_a_surrogate_pair_is_one_row_of_the_run(which, folder, tmp_path):
 
 def test_a_record_that_no_file_can_hold_is_a_verdict(folder, tmp_path, monkeypatch):
     scene_at(folder.parent / "good")
-    original = image_module.record_of
+    original = image_module.make_record
 
     def spoilt(*arguments: Any) -> ImageRecord:
         record = original(*arguments)
         unmatched = (Unmatched(label=BAD, count=1),) if record.row.scene == "scene" else ()
         return replace(record, row=replace(record.row, unmatched=unmatched))
 
-    monkeypatch.setattr(image_module, "record_of", spoilt)
+    monkeypatch.setattr(image_module, "make_record", spoilt)
     output = run(folder.parent, tmp_path / "run", code=1)
     rows = rows_of(output)
     assert (rows["scene"]["status"], rows["scene"]["code"]) == ("invalid", "unwritable_record")
@@ -191,7 +191,7 @@ def raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     def fail(*_arguments: Any) -> None:
         raise error
 
-    monkeypatch.setattr(image_module, "record_of", fail)
+    monkeypatch.setattr(image_module, "make_record", fail)
 
 
 SCENES_FAULT = [ZeroDivisionError("zero"), RecursionError("deep"), MemoryError(), KeyError("key"),

@@ -14,9 +14,9 @@ from typing import Any
 import bpy
 
 from legoworld.scene.blender.alpha_images import ImageSource
-from legoworld.scene.blender.alpha_values import Curve, Sided, read_value
+from legoworld.scene.blender.alpha_values import Curve, SidedValue, read_value
 from legoworld.scene.blender.materials import ImageAlpha, material_rule
-from legoworld.scene.blender.shader_links import UnreadableAlphaError, feed
+from legoworld.scene.blender.shader_links import UnreadableAlphaError, find_feed
 
 Wire = Callable[[Any], Any]  # node tree -> the socket that carries alpha
 IMAGE_VALUES = (0.0, 0.25, 0.6, 1.0)
@@ -46,10 +46,10 @@ def _value(wire: Wire) -> Any:
 
 def _told(socket: Any) -> Any:
     try:
-        read = read_value(feed(socket))
+        read = read_value(find_feed(socket))
     except UnreadableAlphaError as error:
         return str(error)
-    if isinstance(read, Sided):
+    if isinstance(read, SidedValue):
         return {"front": read.front, "back": read.back}
     return [read.of(value) for value in IMAGE_VALUES] if isinstance(read, Curve) else read
 
@@ -249,7 +249,7 @@ def _image(change: Callable[[Any, Any], Any]) -> Any:
     socket = tree.nodes["Principled BSDF"].inputs["Alpha"]
     tree.links.new(texture.outputs[output], socket)
     try:
-        read = read_value(feed(socket))
+        read = read_value(find_feed(socket))
     except UnreadableAlphaError as error:
         return str(error)
     assert isinstance(read, Curve)

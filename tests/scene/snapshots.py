@@ -11,7 +11,7 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.reading import ReadScene, read_scene
+from legoworld.scene.read_scene import ReadScene, read_scene
 
 _TESTS = Path(__file__).resolve().parents[1]
 

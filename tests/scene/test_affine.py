@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from scene.by_hand import CAMERA
 
-from legoworld.scene.affine import cam_from_mesh, cross, dot, inverse, length, transformed, unit
+from legoworld.scene.affine import (
+    cam_from_mesh,
+    cross,
+    dot,
+    inverse,
+    length,
+    transform_points,
+    unit,
+)
 
 RANDOM = np.random.default_rng(5)
 MATRIX = RANDOM.normal(size=(3, 4))
@@ -35,8 +43,8 @@ def test_a_vector_of_no_length_stays_what_it_is():
 
 def test_points_are_moved_and_directions_are_not():
     turned = A @ MATRIX[:, :3].T
-    assert transformed(MATRIX, A) == pytest.approx(turned + MATRIX[:, 3], rel=1e-12)
-    assert transformed(MATRIX, A, directions=True) == pytest.approx(turned, rel=1e-12)
+    assert transform_points(MATRIX, A) == pytest.approx(turned + MATRIX[:, 3], rel=1e-12)
+    assert transform_points(MATRIX, A, directions=True) == pytest.approx(turned, rel=1e-12)
 
 
 def test_placements_seen_from_a_camera():

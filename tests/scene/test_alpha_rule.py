@@ -10,8 +10,8 @@ import pytest
 
 from legoworld.scene.blender.alpha_attributes import AttributeSource
 from legoworld.scene.blender.alpha_images import IDENTITY, ImageSource
-from legoworld.scene.blender.alpha_values import Curve, ProductSource, Sided, lifted
-from legoworld.scene.blender.materials import ImageAlpha, SidedAlpha, alpha_rule, baked
+from legoworld.scene.blender.alpha_values import Curve, ProductSource, SidedValue, lift_operation
+from legoworld.scene.blender.materials import ImageAlpha, SidedAlpha, alpha_rule, bake_alpha
 from legoworld.scene.blender.shader_links import UnreadableAlphaError
 
 LEAF = ImageSource(
@@ -42,7 +42,7 @@ FUNCTIONS = {
 def test_the_baked_picture_cuts_every_byte_value_where_alpha_does(function):
     rule = alpha_rule(Curve(source=LEAF, of=function))
     assert isinstance(rule, ImageAlpha)
-    shown = baked(BYTES, rule) >= 128  # what the kernel takes for 0.5
+    shown = bake_alpha(BYTES, rule) >= 128  # what the kernel takes for 0.5
     expected = np.array([function(float(v)) >= 0.5 for v in BYTES.ravel()]).reshape(16, 16)
     assert np.array_equal(shown, expected)
 
@@ -52,7 +52,7 @@ def test_the_baked_picture_keeps_the_cut_between_texels(cut):
     """Between two texels, linear interpolation reaches a half where the image reaches the cut."""
     rule = alpha_rule(Curve(source=LEAF, of=lambda v: float(v >= cut)))
     low, high = np.float32(cut - 0.07), np.float32(cut + 0.04)
-    a, b = baked(np.array([[low, high]], np.float32), rule).ravel() / 255.0
+    a, b = bake_alpha(np.array([[low, high]], np.float32), rule).ravel() / 255.0
     assert (0.5 - a) / (b - a) == pytest.approx(0.07 / 0.11, abs=0.06)
 
 
@@ -91,12 +91,12 @@ def test_an_inverted_picture_clipped_at_its_border_is_not_readable():
 
 def test_two_lookups_of_one_image_combine_and_of_two_images_do_not():
     leaf = Curve(source=LEAF, of=lambda v: v)
-    product = lifted(lambda a, b: a * b, leaf, leaf)
+    product = lift_operation(lambda a, b: a * b, leaf, leaf)
     assert isinstance(product, Curve)
     assert product.of(0.5) == 0.25
     other = Curve(source=replace(LEAF, image="bark"), of=lambda v: v)
     with pytest.raises(UnreadableAlphaError, match="two images"):
-        lifted(lambda a, b: a * b, leaf, other)
+        lift_operation(lambda a, b: a * b, leaf, other)
 
 
 PAINT = AttributeSource(node="color attribute", name="paint", channel="alpha")
@@ -114,13 +114,13 @@ LEAF_CURVE, PAINT_CURVE = Curve(source=LEAF, of=float), Curve(source=PAINT, of=f
     ],
 )
 def test_an_image_times_an_attribute_is_one_source(operation, everywhere):
-    made = lifted(operation, LEAF_CURVE, PAINT_CURVE)
+    made = lift_operation(operation, LEAF_CURVE, PAINT_CURVE)
     assert isinstance(made, Curve)
     assert isinstance(made.source, ProductSource)
     assert made.source.everywhere == everywhere
     for i, v in np.random.default_rng(0).uniform(0, 1, (20, 2)).tolist():
         assert made.of(made.source.at(i, v)) == pytest.approx(operation(i, v))
-    swapped = lifted(lambda v, i: operation(i, v), PAINT_CURVE, LEAF_CURVE)
+    swapped = lift_operation(lambda v, i: operation(i, v), PAINT_CURVE, LEAF_CURVE)
     assert isinstance(swapped, Curve)
     assert swapped.source == made.source
 
@@ -130,19 +130,22 @@ def test_an_image_times_an_attribute_is_one_source(operation, everywhere):
     [
         (max, (LEAF_CURVE, PAINT_CURVE)),
         (lambda a, b: a * b, (PAINT_CURVE, Curve(source=replace(PAINT, name="b"), of=float))),
-        (lambda a, b: a * b, (LEAF_CURVE, lifted(lambda a, b: a * b, LEAF_CURVE, PAINT_CURVE))),
+        (
+            lambda a, b: a * b,
+            (LEAF_CURVE, lift_operation(lambda a, b: a * b, LEAF_CURVE, PAINT_CURVE)),
+        ),
     ],
 )
 def test_two_sources_that_are_no_product_are_not_readable(operation, others):
     with pytest.raises(UnreadableAlphaError):
-        lifted(operation, *others)
+        lift_operation(operation, *others)
 
 
 def test_a_value_of_two_sides_stays_one_of_two_sides():
-    back = Sided(front=0.0, back=1.0)
-    leafy = lifted(max, lifted(lambda b: 1.0 - b, back), LEAF_CURVE)
+    back = SidedValue(front=0.0, back=1.0)
+    leafy = lift_operation(max, lift_operation(lambda b: 1.0 - b, back), LEAF_CURVE)
     rule = alpha_rule(leafy)
     assert isinstance(rule, SidedAlpha)
     assert rule.front == "there"
     assert rule.back == alpha_rule(LEAF_CURVE)
-    assert alpha_rule(lifted(lambda b: 0.6 + 0.1 * b, back)) == "there"
+    assert alpha_rule(lift_operation(lambda b: 0.6 + 0.1 * b, back)) == "there"

@@ -61,14 +61,18 @@ def test_a_snapshot_is_found_by_all_that_it_was_made_from(cache):
 @pytest.mark.parametrize("name", ["reader_sha256", "bpy_version"])
 def test_another_reader_and_another_blender_find_nothing_old(name, cache, tmp_path, monkeypatch):
     cache.put_dependencies(SHA, [], [])
-    paths = {cache.snapshot_path(SHA, {}), cache.entry_of(SHA, ".png")}
+    paths = {cache.snapshot_path(SHA, {}), cache.entry_path(SHA, ".png")}
     monkeypatch.setattr(cache_module, name, lambda: "another")
     assert cache.dependencies(SHA, tmp_path) is None
-    assert not paths & {cache.snapshot_path(SHA, {}), cache.entry_of(SHA, ".png")}
+    assert not paths & {cache.snapshot_path(SHA, {}), cache.entry_path(SHA, ".png")}
 
 
 def test_an_answer_is_found_by_its_content_and_kind(cache):
-    paths = [cache.entry_of(SHA, ".png"), cache.entry_of(SHA, ".npz"), cache.entry_of("b", ".png")]
+    paths = [
+        cache.entry_path(SHA, ".png"),
+        cache.entry_path(SHA, ".npz"),
+        cache.entry_path("b", ".png"),
+    ]
     assert len(set(paths)) == 3
     assert [p.suffix for p in paths] == [".png", ".npz", ".png"]
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from legoworld.api.listening import Listener
+from legoworld.api.listener import Listener
 from legoworld.api.readout import readout
 from legoworld.errors import SceneInvalidError, SceneMissingError
 from legoworld.scene.artefacts import check_picture, without_metadata

@@ -20,7 +20,7 @@ from legoworld.scene.freeze import (
     hashed_dependencies,
     write_frozen,
 )
-from legoworld.scene.outside import leaves_scenes, outside_name, recorded_name
+from legoworld.scene.outside_files import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.side_files import program_warnings
 
 

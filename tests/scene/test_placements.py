@@ -9,9 +9,9 @@ import pytest
 
 from legoworld.scene.blender.placements import (
     Generator,
+    GraphEntry,
     Placements,
     Scatter,
-    Seen,
     resolve_placements,
 )
 
@@ -22,9 +22,9 @@ def at(x: float) -> tuple[float, ...]:
     return (1.0, 0.0, 0.0, x, *UNIT[4:])
 
 
-def seen(top: str, path: tuple[int, ...], name: str, x: float = 0.0, **facts: object) -> Seen:
+def seen(top: str, path: tuple[int, ...], name: str, x: float = 0.0, **facts: object) -> GraphEntry:
     values = {"mesh": 0, "holdout_mesh": -1, "by_particles": False, **facts}
-    return Seen(top=(top, ""), path=path, object=(name, ""), world_from_mesh=at(x), **values)  # type: ignore[arg-type]
+    return GraphEntry(top=(top, ""), path=path, object=(name, ""), world_from_mesh=at(x), **values)  # type: ignore[arg-type]
 
 
 def makes(
@@ -46,13 +46,13 @@ def makes(
     )
 
 
-def resolved(entries: list[Seen], **generators: Generator) -> Placements:
+def resolved(entries: list[GraphEntry], **generators: Generator) -> Placements:
     names = sorted({e.object[0] for e in entries} | {e.top[0] for e in entries})
     facts = {(n, ""): generators.get(n, makes()) for n in names}
     return resolve_placements(entries, facts, {(n, ""): i for i, n in enumerate(names)})
 
 
-def rows(placements: Placements, entries: list[Seen]) -> list[tuple[str, int, int]]:
+def rows(placements: Placements, entries: list[GraphEntry]) -> list[tuple[str, int, int]]:
     """(object, instancer's row, frame) of every occurrence."""
     names = sorted({e.object[0] for e in entries} | {e.top[0] for e in entries})
     a = placements.arrays
@@ -64,12 +64,12 @@ def rows(placements: Placements, entries: list[Seen]) -> list[tuple[str, int, in
     ]
 
 
-def makers(placements: Placements, entries: list[Seen]) -> list[str]:
+def makers(placements: Placements, entries: list[GraphEntry]) -> list[str]:
     found = rows(placements, entries)
     return [f"{name}<{found[i][0]}" if i >= 0 else name for name, i, _ in found]
 
 
-def frames_of(placements: Placements, entries: list[Seen], name: str) -> list[int]:
+def frames_of(placements: Placements, entries: list[GraphEntry], name: str) -> list[int]:
     return [frame for found, _, frame in rows(placements, entries) if found == name]
 
 

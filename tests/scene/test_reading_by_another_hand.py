@@ -20,8 +20,8 @@ from legoworld.errors import (
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts, hash_files, write_frozen
-from legoworld.scene.opened import CardRender, OpenedScene
-from legoworld.scene.reading import read_scene
+from legoworld.scene.open_scene import CardRender, OpenedScene
+from legoworld.scene.read_scene import read_scene
 
 CARD = CardRender(size_wh=(4, 3), samples=1, seed=2, denoise=False)
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(4) + b"IEND" + bytes(4)

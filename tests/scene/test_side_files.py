@@ -267,7 +267,7 @@ def test_what_is_read_is_what_was_hashed(name, folder, monkeypatch):
     (folder / name).write_text(content)
     hashed = checked_artefacts(SceneFolder(path=folder, name="scene"), require_frozen=False)
     (folder / name).write_text(content + " ")
-    monkeypatch.setattr("legoworld.scene.reading.checked_artefacts", lambda *_a, **_n: hashed)
+    monkeypatch.setattr("legoworld.scene.read_scene.checked_artefacts", lambda *_a, **_n: hashed)
     row = readout(folder)["row"]
     assert (row["status"], "changed while it was read" in row["reason"]) == ("invalid", True)
 

@@ -80,7 +80,10 @@ def test_a_url_needs_a_place_too() -> None:
 
 
 def test_a_full_disk_stays_what_it_is() -> None:
-    with pytest.raises(OSError, match="No space"), SnapshotCache(Path("x")).written():
+    with (
+        pytest.raises(OSError, match="No space"),
+        SnapshotCache(Path("x")).translate_write_errors(),
+    ):
         raise OSError(28, "No space left on device")
 
 

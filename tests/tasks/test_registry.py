@@ -22,10 +22,10 @@ NUMBER = 3
 
 @pytest.fixture(autouse=True)
 def _fresh():
-    for kept in (registry._added, registry._loaded):
+    for kept in (registry._added_entry_points, registry._load_task):
         kept.cache_clear()
     yield
-    for kept in (registry._added, registry._loaded):
+    for kept in (registry._added_entry_points, registry._load_task):
         kept.cache_clear()
 
 
@@ -50,14 +50,14 @@ def test_tasks_that_ship_come_first_and_others_by_name(installed):
     installed(("zebra", at("OWN")), ("own", at("OWN")), ("coco", at("NUMBER")))
     assert registry.task_names() == (*SHIPPED, "own", "zebra")
     assert registry.task_named("own") == OWN
-    assert registry.family_of("own") is OWN.family
+    assert registry.find_family("own") is OWN.family
     assert registry.task_named("coco") == next(task for task in TASKS if task.name == "coco")
 
 
 def test_what_cannot_be_loaded_is_left_out_of_lists(installed):
     installed(("own", at("OWN")), ("broken", at("NONE")), ("number", at("NUMBER")))
     assert registry.known_tasks() == (*TASKS, OWN)
-    assert registry.tasks_of(OWN.family) == (
+    assert registry.family_tasks(OWN.family) == (
         *(task for task in TASKS if task.family == OWN.family),
         OWN,
     )

@@ -18,7 +18,7 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import CatalogError, UsageError
 from legoworld.records.base import canonical
 from legoworld.shipped import catalog
-from legoworld.track_making.making import make_track
+from legoworld.track_making.make_track import make_track
 from legoworld.track_making.pixel_folders import _photos_below
 from legoworld.tracks.track import load_track
 

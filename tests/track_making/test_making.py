@@ -13,7 +13,7 @@ from legoworld import cli
 from legoworld.errors import CatalogError, LegoWorldError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.shipped import catalog
-from legoworld.track_making.making import make_track
+from legoworld.track_making.make_track import make_track
 from legoworld.tracks.track import load_track
 
 #: Numbers so odd that they can only come from an annotation.

@@ -6,7 +6,7 @@ import pytest
 
 from legoworld.errors import CatalogError
 from legoworld.shipped.catalog import folder
-from legoworld.tracks.dataset_versions import dataset_of, dataset_version
+from legoworld.tracks.dataset_versions import dataset_version, find_dataset
 from legoworld.tracks.scene_names import Stranger, lower_top, strangers
 from legoworld.tracks.track import folders_without_scene, serves, track_of_folder
 from legoworld.tracks.vocabulary import Vocabulary, load
@@ -91,7 +91,7 @@ def test_the_folder_below_that_holds_the_scenes():
 
 def test_versions_of_datasets():
     coco, lvis = (load(folder("datasets") / n / "categories.json") for n in ("coco", "lvis"))
-    assert (dataset_of("coco-masks"), dataset_of("lvis")) == ("coco", "lvis")
+    assert (find_dataset("coco-masks"), find_dataset("lvis")) == ("coco", "lvis")
     assert dataset_version(coco, "coco-masks") == "2017"
     assert dataset_version(lvis, "lvis") == "1.0"
     old = Vocabulary(lvis.categories[:1] * 1230)

@@ -16,7 +16,7 @@ from legoworld.records.execution import Protected
 from legoworld.records.trajectory_scores import Moment, ScoredScene, TrajectoryFile
 from legoworld.trajectories.curves import Trajectory, score_trajectory
 from legoworld.trajectories.folder import RecordedTrial, read_trial
-from legoworld.trajectories.scoring import slot_folder
+from legoworld.trajectories.score_checkpoints import slot_folder
 from legoworld.trajectories.tables import SHARES, agent_tables
 
 #: Call, and R and A of the scene it left; call 3 changes nothing, call 5 is without a camera.

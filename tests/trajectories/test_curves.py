@@ -14,14 +14,14 @@ from legoworld.records.trajectory_scores import CAUSES, Moment, ScoredScene
 from legoworld.trajectories.curves import (
     TIE,
     Trajectory,
+    axis_share,
     drops,
-    edits_of,
+    list_edits,
     moments,
     q_at,
     score_trajectory,
-    share_of,
 )
-from legoworld.trajectories.scoring import _scored_scene
+from legoworld.trajectories.score_checkpoints import _scored_scene
 from legoworld.trajectories.tables import SHARES, agent_tables, common_images
 
 
@@ -95,7 +95,7 @@ def test_edits_tell_the_way_from_the_first_scene_to_the_last(rows):
 def test_an_ineligible_scene_between_changes_nothing_but_its_count(rows, at):
     scenes = drawn(rows)
     more = [*scenes[:at], scene(50, None, None), *scenes[at:]]
-    before, after = edits_of(scenes), edits_of(more)
+    before, after = list_edits(scenes), list_edits(more)
     assert [e.d_q for e in before] == [e.d_q for e in after]
     assert sum(e.skipped for e in after) - sum(e.skipped for e in before) in (0, 1)
 
@@ -203,7 +203,7 @@ def test_each_axis_is_its_own_share():
     ]
     made = replace(made, scenes=tuple(scenes))
     for k, axis in enumerate(("wall", "calls", "tokens")):
-        assert [share_of(s.when, axis) for s in scenes] == [place[k] for place in places]
+        assert [axis_share(s.when, axis) for s in scenes] == [place[k] for place in places]
         first, second, third = (places[n][k] for n in (0, 1, 3))
         assert q_at(made, axis, first - 0.01) == 0.0
         assert q_at(made, axis, first) == pytest.approx(0.3)

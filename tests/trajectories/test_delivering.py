@@ -16,11 +16,12 @@ from trajectories.test_picking import WANTED, report
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
 from legoworld.files import write_text
 from legoworld.records.base import canonical, decode
-from legoworld.trajectories import picking, scoring
+from legoworld.trajectories import pick as picking
+from legoworld.trajectories import score_checkpoints
 from legoworld.trajectories.folder import read_trial
-from legoworld.trajectories.picking import Pick, PickPlan, pick, saved_regret
-from legoworld.trajectories.scoring import Group, ScoringPlan, tokens_until
-from legoworld.trajectories.showing import q_of_scores, write_page
+from legoworld.trajectories.page import final_scores, write_page
+from legoworld.trajectories.pick import Pick, PickPlan, pick, saved_regret
+from legoworld.trajectories.score_checkpoints import Group, ScoringPlan, tokens_until
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits
 
@@ -203,7 +204,7 @@ def test_regret_is_saved_over_the_scenes_that_were_scored_on_both_sides():
 
 def test_q_is_a_checkpoint_s_or_its_submission_s_and_zero_without(tmp_path):
     document = scored(tmp_path / "scores", recorded(tmp_path / "scenes"))
-    q_of = q_of_scores(document)
+    q_of = final_scores(document)
     assert [q_of("room", n) for n in (1, 2, 4, None)] == pytest.approx([0.4, 0.65, 0.0, 0.55])
     assert q_of("room", 9) is None
     assert q_of("hall", 1) is None
@@ -236,19 +237,19 @@ def scoring_plan(tmp_path):
 
 
 def test_each_checkpoint_is_exported_and_the_submission_copied(scenes, tmp_path, monkeypatch):
-    trial, blenders = read_trial(scenes / "room"), Blenders(monkeypatch, scoring)
+    trial, blenders = read_trial(scenes / "room"), Blenders(monkeypatch, score_checkpoints)
     plan, target = scoring_plan(tmp_path), tmp_path / "scores" / "slot"
     plan.output.mkdir()
-    assert scoring._deliver(target, [trial], 1, plan) == {}
+    assert score_checkpoints._deliver(target, [trial], 1, plan) == {}
     assert blenders.exported == [trial.blend(trial.live[1])]
     assert (target / "room" / "scene.blend").read_text() == trial.live[1].sha256
     blenders.bad[trial.live[2].sha256] = SceneInvalidError("no camera", found="none")
-    refused = scoring._deliver(target, [trial], 2, plan)
+    refused = score_checkpoints._deliver(target, [trial], 2, plan)
     assert [*refused] == ["room"]
     assert "no camera" in refused["room"]
     final = tmp_path / "scores" / "last"
     (trial.folder / "scene.glb").write_text("glb")
-    assert scoring._deliver(final, [trial], None, plan) == {}
+    assert score_checkpoints._deliver(final, [trial], None, plan) == {}
     assert {path.name for path in (final / "room").iterdir()} == {"scene.glb", "final.png"}
     assert blenders.memory == [77] * 3
     assert sorted(path.name for path in plan.output.iterdir()) == ["last", "slot"]
@@ -261,7 +262,9 @@ def test_a_slot_is_read_out_and_evaluated_once_exported(scenes, tmp_path, monkey
     top = plan.output / "g" / "002"
     for folder in ("run", "eval"):
         write_text(top / folder / "per_image.jsonl", folder)
-    monkeypatch.setattr(scoring, "_deliver", lambda *words: asked.append(words) or {"room": "no"})
+    monkeypatch.setattr(
+        score_checkpoints, "_deliver", lambda *words: asked.append(words) or {"room": "no"}
+    )
 
     def readout(*words, **how):
         asked.append((words, how))
@@ -274,11 +277,11 @@ def test_a_slot_is_read_out_and_evaluated_once_exported(scenes, tmp_path, monkey
     def lines(kind, data):
         return [SimpleNamespace(image_id=1, kind=kind.__name__, data=data)]
 
-    monkeypatch.setattr(scoring, "readout", readout)
-    monkeypatch.setattr(scoring, "evaluate", evaluate)
-    monkeypatch.setattr(scoring, "decode_lines", lines)
-    monkeypatch.setattr(scoring, "_scored_scene", lambda *words: words)
-    (found,) = scoring._slot(group, "002", [trial], 1, dataset, plan).items()
+    monkeypatch.setattr(score_checkpoints, "readout", readout)
+    monkeypatch.setattr(score_checkpoints, "evaluate", evaluate)
+    monkeypatch.setattr(score_checkpoints, "decode_lines", lines)
+    monkeypatch.setattr(score_checkpoints, "_scored_scene", lambda *words: words)
+    (found,) = score_checkpoints._slot(group, "002", [trial], 1, dataset, plan).items()
     image, (checkpoint, when, read, row) = found
     assert (image, checkpoint) == (1, trial.live[1])
     assert (when.at_s, when.wall_share, when.calls_share) == (17.0, 17 / 60, 2 / 6)
@@ -296,9 +299,9 @@ def test_a_slot_is_read_out_and_evaluated_once_exported(scenes, tmp_path, monkey
     )
     assert json.loads((top / "refused.json").read_text()) == {"room": "no"}
     del asked[:]
-    scoring._slot(group, "002", [trial], 1, dataset, plan)
+    score_checkpoints._slot(group, "002", [trial], 1, dataset, plan)
     assert len(asked) == 2, "what was exported before is not exported again"
-    (submitted,) = scoring._slot(group, "002", [trial], None, dataset, plan).values()
+    (submitted,) = score_checkpoints._slot(group, "002", [trial], None, dataset, plan).values()
     assert submitted[0] is None
     assert (submitted[1].at_s, submitted[1].wall_share, submitted[1].calls_share) == (60.0, 1, 1)
 
@@ -317,9 +320,9 @@ def test_a_group_is_scored_slot_by_slot(scenes, tmp_path, monkeypatch):
         slots.append((name, len(taking), number))
         return {t.about.image_id: (name, t.about.image_id) for t in taking}
 
-    monkeypatch.setattr(scoring, "_slot", slot)
-    monkeypatch.setattr(scoring, "score_trajectory", lambda trajectory: trajectory)
-    first, second = scoring._score_group(group, dataset, plan)
+    monkeypatch.setattr(score_checkpoints, "_slot", slot)
+    monkeypatch.setattr(score_checkpoints, "score_trajectory", lambda trajectory: trajectory)
+    first, second = score_checkpoints._score_group(group, dataset, plan)
     assert slots == [
         ("001", 2, 0), ("002", 2, 1), ("003", 1, 2), ("004", 1, 3), ("005", 1, 4),
         ("final", 2, None),
@@ -331,10 +334,10 @@ def test_a_group_is_scored_slot_by_slot(scenes, tmp_path, monkeypatch):
     assert (second.image_id, second.scene, second.checkpoints) == (
         2, "hall", [("001", 2), ("002", 2)],
     )  # fmt: skip
-    scoring._refuse_strangers(replace(group, trials=(trial,)), dataset)
+    score_checkpoints._refuse_strangers(replace(group, trials=(trial,)), dataset)
     for strange in (SimpleNamespace(cases={}), dataset):
         with pytest.raises(UsageError, match=r"hall is not of this bench.*image 2, hall\.png"):
-            scoring._refuse_strangers(replace(group, trials=(short,)), strange)
+            score_checkpoints._refuse_strangers(replace(group, trials=(short,)), strange)
 
 
 def test_tokens_count_up_to_each_call_and_the_rest_at_the_end():

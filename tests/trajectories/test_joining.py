@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from legoworld.records.atif import AtifAgent, AtifFinalMetrics, AtifStep, AtifTrajectory
-from legoworld.trajectories.joining import joined
+from legoworld.trajectories.join_parts import join_trajectories
 
 
 def part(*messages, **totals):
@@ -15,7 +15,7 @@ def part(*messages, **totals):
 
 
 def test_parts_follow_each_other_after_a_step_that_says_so():
-    found = joined([part("a", "b"), part("c"), part("d")])
+    found = join_trajectories([part("a", "b"), part("c"), part("d")])
     assert [(s.step_id, s.source, s.message) for s in found.steps] == [
         (1, "agent", "a"),
         (2, "agent", "b"),
@@ -30,11 +30,11 @@ def test_parts_follow_each_other_after_a_step_that_says_so():
 def test_a_total_is_there_where_every_part_tells_it():
     first = part("a", total_prompt_tokens=10, total_completion_tokens=3, total_cost_usd=0.5)
     second = part("b", total_prompt_tokens=5, total_completion_tokens=4)
-    found = joined([first, second]).final_metrics
+    found = join_trajectories([first, second]).final_metrics
     assert (found.total_prompt_tokens, found.total_completion_tokens) == (15, 7)
     assert not isinstance(found.total_cost_usd, float)
 
 
 def test_one_part_is_itself():
     alone = part("a")
-    assert joined([alone]) is alone
+    assert join_trajectories([alone]) is alone

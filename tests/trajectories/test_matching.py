@@ -6,7 +6,7 @@ import pytest
 
 from legoworld.records.atif import AtifAgent, AtifStep, AtifToolCall, AtifTrajectory
 from legoworld.records.endpoint import Call
-from legoworld.trajectories.matching import with_calls
+from legoworld.trajectories.call_steps import add_calls
 
 #: What the server runs for `look`.
 OWN = "import json; render()"
@@ -34,7 +34,7 @@ def numbers(steps, calls):
              said="", checkpoint=None, by=by)
         for n, (command, code, by) in enumerate(calls, start=1)
     ]  # fmt: skip
-    found = with_calls(document, answered).steps
+    found = add_calls(document, answered).steps
     return [(step.extra or {}).get("legoworld", {}).get("calls", []) for step in found]
 
 

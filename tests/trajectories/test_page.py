@@ -17,8 +17,8 @@ from msgspec.structs import replace as msgspec_replace
 from report.chromium import Browser, browser
 from trajectories.pages import LEFT, picture, recorded, scored
 
-from legoworld.trajectories.scoring import _groups, slot_folder
-from legoworld.trajectories.showing import _picture, _tables, calls_table, write_page
+from legoworld.trajectories.page import _picture, _tables, calls_table, write_page
+from legoworld.trajectories.score_checkpoints import _groups, slot_folder
 
 AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 

@@ -12,8 +12,8 @@ from evaluation.reconstruction.datasets import HFOV_DEG, SIZE_WH, write_dataset
 
 from legoworld import cli
 from legoworld.trajectories.curves import drops
-from legoworld.trajectories.scoring import ScoringPlan, score_trajectories
-from legoworld.trajectories.showing import read_scores
+from legoworld.trajectories.page import read_scores
+from legoworld.trajectories.score_checkpoints import ScoringPlan, score_trajectories
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits
 

@@ -9,7 +9,7 @@ import json
 import pytest
 
 from legoworld.records.base import UNSET, canonical
-from legoworld.trajectories.transcripts import read_transcript, usage_of, without_pictures
+from legoworld.trajectories.transcripts import read_transcript, total_usage, without_pictures
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(range(256))
 TEXT = base64.b64encode(PNG).decode()
@@ -50,7 +50,7 @@ def test_claude_s_placeholders_are_no_counts(tmp_path, each, expected):
     found = read(tmp_path, "claude", *lines, {"type": "result", "usage": total})
     assert completions(found) == expected
     assert [s.metrics.prompt_tokens for s in found.steps if s.metrics is not UNSET] == [15, 15]
-    assert usage_of(found).completion_tokens == 42
+    assert total_usage(found).completion_tokens == 42
 
 
 @pytest.mark.parametrize("messages", [1, 3])
@@ -62,7 +62,7 @@ def test_codex_counts_a_turn_and_not_its_last_step(tmp_path, messages):
     usage = {"input_tokens": 100, "cached_input_tokens": 20, "output_tokens": 7}
     found = read(tmp_path, "codex", *items, {"type": "turn.completed", "usage": usage})
     assert completions(found) == ([7] if messages == 1 else [])
-    assert usage_of(found).completion_tokens == 7
+    assert total_usage(found).completion_tokens == 7
 
 
 def test_gemini_s_streamed_pieces_are_one_step(tmp_path):
@@ -110,7 +110,7 @@ def test_real_recordings_count_what_the_model_s_side_counted(real_data, name):
     kind, counted = COUNTED[name]
     path = real_data / "transcripts" / f"{name}.jsonl"
     found = read_transcript(path, kind, agent="a", version="1", prompt="p")
-    usage = usage_of(found)
+    usage = total_usage(found)
     assert (usage.prompt_tokens, usage.cached_tokens, usage.completion_tokens) == counted
     steps = [value for value in completions(found) if value is not None]
     assert steps == [] or sum(steps) == counted[2]

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from legoworld.records.atif import AtifObservation, AtifTrajectory
 from legoworld.records.base import as_json, canonical, decode
-from legoworld.trajectories.steps import content_of
-from legoworld.trajectories.transcripts import parsed_lines, read_transcript, usage_of
+from legoworld.trajectories.steps import parse_content
+from legoworld.trajectories.transcripts import parsed_lines, read_transcript, total_usage
 
 NONE = AtifObservation(results=[])
 FOLDER = Path(__file__).with_name("transcripts")
@@ -79,7 +79,7 @@ def test_what_has_a_field_of_its_own_is_not_kept_a_second_time(kind):
     ],
 )
 def test_content_as_atif_has_it(value, content):
-    assert content_of(value) == content
+    assert parse_content(value) == content
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -168,7 +168,7 @@ def test_claude_blocks_of_one_message_are_one_step_and_its_tokens_count_once():
     ],
 )
 def test_tokens_and_cost_are_the_transcript_s(kind, usage):
-    found = usage_of(read(kind))
+    found = total_usage(read(kind))
     assert (
         found.prompt_tokens, found.completion_tokens, found.cached_tokens, found.cost_usd
     ) == usage  # fmt: skip

@@ -27,8 +27,8 @@ from legoworld.workers.engines import (
     run_local,
     run_ray,
 )
-from legoworld.workers.task_process import ProcessLostError, TaskProcess, carried
-from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
+from legoworld.workers.task_process import ProcessLostError, TaskProcess, make_picklable
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool, map_items
 
 
 @pytest.fixture(autouse=True)
@@ -322,13 +322,13 @@ POOLS = [IN_PROCESS, WorkerPool(workers=3)]
 
 @pytest.mark.parametrize("pool", POOLS, ids=str)
 def test_results_have_the_items_order(pool):
-    assert [*results_of(square, range(20), pool)] == [i * i for i in range(20)]
-    assert [*results_of(square, [], pool)] == []
+    assert [*map_items(square, range(20), pool)] == [i * i for i in range(20)]
+    assert [*map_items(square, [], pool)] == []
 
 
 @pytest.mark.parametrize("pool", POOLS, ids=str)
 def test_the_first_error_in_the_items_order_is_raised_after_the_results_before_it(pool):
-    results = results_of(odd_fails, [0, 2, 4, 3, 5], pool)
+    results = map_items(odd_fails, [0, 2, 4, 3, 5], pool)
     assert [next(results) for _ in range(3)] == [0, 2, 4]
     with pytest.raises(ValueError, match="odd: 3"):
         next(results)
@@ -336,7 +336,7 @@ def test_the_first_error_in_the_items_order_is_raised_after_the_results_before_i
 
 def test_workers_are_other_processes_of_one_thread_each(tmp_path, monkeypatch):
     monkeypatch.setenv("MARKS", str(tmp_path))
-    found = [*results_of(told, range(6), WorkerPool(workers=2))]
+    found = [*map_items(told, range(6), WorkerPool(workers=2))]
     pids = {pid for pid, _, _ in found}
     assert os.getpid() not in pids
     assert len(pids) == 2
@@ -344,7 +344,7 @@ def test_workers_are_other_processes_of_one_thread_each(tmp_path, monkeypatch):
 
 
 def test_a_process_that_ends_is_said_with_its_last_words():
-    results = results_of(ends, [1, 2, 3], WorkerPool(workers=2))
+    results = map_items(ends, [1, 2, 3], WorkerPool(workers=2))
     assert next(results) == 1
     with pytest.raises(ProcessLostError, match="exit code 7; last words") as caught:
         next(results)
@@ -359,7 +359,7 @@ def test_an_item_whose_machine_is_lost_is_an_error_at_its_own_place(monkeypatch)
             return super().get(pending)
 
     monkeypatch.setitem(sys.modules, "ray", Losing())
-    results = results_of(square, [2, 3, 4, 5], WorkerPool(engine="ray", workers=2))
+    results = map_items(square, [2, 3, 4, 5], WorkerPool(engine="ray", workers=2))
     assert [next(results), next(results)] == [4, 9]
     with pytest.raises(ProcessLostError, match="found: DiedError") as caught:
         next(results)
@@ -379,8 +379,10 @@ def test_one_worker_of_this_machine_is_the_calling_process():
 
 def test_an_error_that_cannot_travel_is_said_in_another():
     error = ValueError("as it is")
-    assert carried(error) is error
-    assert repr(carried(UnpicklableError("a", "b"))) == "RuntimeError('UnpicklableError: a b')"
+    assert make_picklable(error) is error
+    assert (
+        repr(make_picklable(UnpicklableError("a", "b"))) == "RuntimeError('UnpicklableError: a b')"
+    )
     process = TaskProcess(raises_unpicklable)
     with closing(process), pytest.raises(RuntimeError, match="UnpicklableError: what happened"):
         process.call(1)

@@ -12,7 +12,7 @@ import pytest
 import legoworld
 from legoworld.baselines.cards import read_card
 from legoworld.baselines.child import BaselineProcess
-from legoworld.baselines.confinement import confined
+from legoworld.baselines.confinement import confine_baseline
 from legoworld.errors import CatalogError
 from legoworld.records.baseline_messages import ChildRequest
 from legoworld.scene.blender_process import BlenderProcess, Limits
@@ -21,7 +21,7 @@ from legoworld.workers.environment import (
     blender_environment,
     child_environment,
     package_path,
-    passed,
+    passed_names,
 )
 
 SECRETS = {
@@ -78,7 +78,7 @@ def test_what_is_declared_is_passed_and_recorded_by_name(tmp_path):
     )
     assert got["HF_TOKEN"] == "hidden-2"
     assert "OPENAI_API_KEY" not in got
-    assert passed(declared, caller) == ["HF_TOKEN"]
+    assert passed_names(declared, caller) == ["HF_TOKEN"]
 
 
 def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypatch):
@@ -101,7 +101,7 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
     )  # fmt: skip
     with BaselineProcess(
         card, Path(sys.executable), request, print,
-        output=tmp_path, confined=confined(card, "", "limits", offline=True),
+        output=tmp_path, confined=confine_baseline(card, "", "limits", offline=True),
         declared=card.about.variables,
     ) as process:  # fmt: skip
         message = process.next_message(None)

@@ -52,7 +52,7 @@ def test_the_environment_is_said_to_be_kept_only_where_no_program_can_read_it(
 #: Of a user without privileges, whose child reads the environment of its parent.
 HIDDEN = """
 import ctypes, os, subprocess, sys
-from legoworld.workers.hiding import hide_process
+from legoworld.workers.process_privacy import hide_process
 if os.getuid() == 0:
     os.setgroups([])
     os.setgid(65534)

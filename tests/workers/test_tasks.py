@@ -12,7 +12,7 @@ import pytest
 
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.workers.task_process import ProcessLostError, TaskProcess
-from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool, map_items
 
 POOLS = [IN_PROCESS, WorkerPool(workers=2), WorkerPool(workers=5)]
 
@@ -70,7 +70,7 @@ class Lazy(Sequence[int]):
 
 @pytest.mark.parametrize("pool", POOLS)
 def test_results_come_in_the_items_order(pool):
-    found = list(results_of(squared, range(40), pool))
+    found = list(map_items(squared, range(40), pool))
     assert [square for square, _ in found] == [n * n for n in range(40)]
     processes = {process for _, process in found}
     assert (os.getpid() in processes) == pool.in_process
@@ -81,24 +81,24 @@ def test_results_come_in_the_items_order(pool):
 def test_the_first_error_in_order_is_raised_whole(pool):
     found = []
     with pytest.raises(UsageError) as caught:
-        found.extend(results_of(refusing, range(9), pool))
+        found.extend(map_items(refusing, range(9), pool))
     assert str(caught.value) == "refused; found: 3; next: nothing"
     assert caught.value.next_step == "nothing"
 
 
 def test_an_error_that_cannot_travel_is_told():
     with pytest.raises(RuntimeError, match="TwoArgumentsError: odd 0"):
-        list(results_of(stubborn, range(3), WorkerPool(workers=2)))
+        list(map_items(stubborn, range(3), WorkerPool(workers=2)))
 
 
 def test_a_process_that_ends_is_an_error_with_its_last_words():
     with pytest.raises(ProcessLostError, match="exit code 3; out of luck"):
-        list(results_of(ending, range(3), WorkerPool(workers=2)))
+        list(map_items(ending, range(3), WorkerPool(workers=2)))
 
 
 def test_items_are_taken_when_a_worker_is_free():
     items = Lazy(5000)
-    results = results_of(squared, items, WorkerPool(workers=2))
+    results = map_items(squared, items, WorkerPool(workers=2))
     next(results)
     assert items.taken < 5000
     results.close()

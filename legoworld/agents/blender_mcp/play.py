@@ -67,13 +67,13 @@ class Transcript:
         self._steps: list[dict[str, Any]] = []
         self._add({"source": "user", "message": prompt})
 
-    def begun(self, tools: list[str]) -> None:
+    def add_start(self, tools: list[str]) -> None:
         """Record the tools that the servers offer."""
         self._agent["tool_definitions"] = [
             {"type": "function", "function": {"name": name}} for name in tools
         ]
 
-    def played(self, call: Step, said: str, *, failed: bool, images: int) -> None:
+    def add_call(self, call: Step, said: str, *, failed: bool, images: int) -> None:
         """Record one call and its reply."""
         number = f"call_{len(self._steps)}"
         arguments = {"tool_call_id": number, "function_name": call["tool"]}
@@ -113,7 +113,7 @@ async def _play(
         for name, server in sorted(servers.items()):
             sessions[name] = await stack.enter_async_context(_session(server))
             tools += [tool.name for tool in (await sessions[name].list_tools()).tools]
-        transcript.begun(tools)
+        transcript.add_start(tools)
         for step in steps:
             session = sessions[step.get("server", "blender")]
             answer = await session.call_tool(step["tool"], step["arguments"])
@@ -122,7 +122,7 @@ async def _play(
             said = "\n".join(texts)
             # The server's own report of code that raised; not a protocol error.
             failed = bool(answer.isError) or said.startswith("Error executing code")
-            transcript.played(step, said, failed=failed, images=images)
+            transcript.add_call(step, said, failed=failed, images=images)
             if failed and step.get("must_succeed"):
                 return 1
     return 0

@@ -27,7 +27,7 @@ class Moments:
     m_xy: float = 0.0
 
 
-def moments_of(x: F64, y: F64) -> Moments:
+def compute_moments(x: F64, y: F64) -> Moments:
     """Moments of paired values, x and y: (n,) float64, finite. ShapeError otherwise."""
     if x.shape != y.shape or x.ndim != 1:
         raise ShapeError("paired values", found=f"{x.shape} and {y.shape}", expected="(n,) twice")
@@ -44,7 +44,7 @@ def moments_of(x: F64, y: F64) -> Moments:
     )
 
 
-def merged(a: Moments, b: Moments) -> Moments:
+def merge_moments(a: Moments, b: Moments) -> Moments:
     """Moments of the union of two sets (Chan, Golub, LeVeque 1979, pairwise update)."""
     if not a.n or not b.n:
         return a if a.n else b

@@ -48,7 +48,7 @@ class DepthArray:
         inverse's square, overflows float64 is not a prediction.
         """
         values = self.values[rows, cols].astype(np.float64)
-        predicted = self.predicted(values)
+        predicted = self.prediction_mask(values)
         if self.space == "disparity":
             return np.where(predicted, values, 0.0), predicted
         disparity = np.zeros_like(values)
@@ -57,7 +57,7 @@ class DepthArray:
             disparity *= self._ray_lengths(rows, cols)
         return disparity, predicted
 
-    def predicted(self, values: NDArray[Any]) -> Mask:
+    def prediction_mask(self, values: NDArray[Any]) -> Mask:
         """Mask of the values that are predictions, of the same shape."""
         return in_range(values, signed=self.space == "disparity")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from legoworld.evaluation.depth.errors import CameraModelError
 from legoworld.evaluation.pixels.family import F64
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.tracks.colmap import Camera
 
 #: Number of parameters by model, in the order of cameras.txt.
@@ -37,7 +37,7 @@ def pinhole_from_distorted(camera: Camera, distorted_xy_px: F64) -> F64:
         return distorted_xy_px
     focal = np.array(camera.params[:2])
     centre = np.array(camera.params[2:4])
-    angles = _undistorted((distorted_xy_px - centre) / focal, camera.params[4:])
+    angles = _undistort((distorted_xy_px - centre) / focal, camera.params[4:])
     theta = np.hypot(angles[:, 0], angles[:, 1])
     if len(theta) and theta.max() >= np.pi / 2:
         raise _no_ray(int(np.count_nonzero(theta >= np.pi / 2)), "90 degrees or more off axis")
@@ -48,11 +48,11 @@ def pinhole_from_distorted(camera: Camera, distorted_xy_px: F64) -> F64:
     return pinhole_xy_px
 
 
-def _undistorted(distorted_uv: F64, coefficients: tuple[float, ...]) -> F64:
+def _undistort(distorted_uv: F64, coefficients: tuple[float, ...]) -> F64:
     """Solve uv + distortion(uv) = distorted_uv for (n, 2) uv by Newton's method."""
     uv = distorted_uv.copy()
     for _ in range(_MAX_STEPS):
-        value, jacobian = _distorted(uv, coefficients)
+        value, jacobian = _distort(uv, coefficients)
         f_u, f_v, g_u, g_v = jacobian
         error = value - distorted_uv
         determinant = f_u * g_v - f_v * g_u
@@ -67,7 +67,7 @@ def _undistorted(distorted_uv: F64, coefficients: tuple[float, ...]) -> F64:
     raise _no_ray(len(uv), f"not all converge in {_MAX_STEPS} steps")
 
 
-def _distorted(uv: F64, coefficients: tuple[float, ...]) -> tuple[F64, tuple[F64, F64, F64, F64]]:
+def _distort(uv: F64, coefficients: tuple[float, ...]) -> tuple[F64, tuple[F64, F64, F64, F64]]:
     """COLMAP's thin prism distortion of (n, 2) uv, and its four partial derivatives.
 
     With r2 = u^2 + v^2 and R = k1 r2 + k2 r2^2 + k3 r2^3 + k4 r2^4:
@@ -92,7 +92,7 @@ def _distorted(uv: F64, coefficients: tuple[float, ...]) -> tuple[F64, tuple[F64
 def _no_ray(count: int, why: str) -> CameraModelError:
     return CameraModelError(
         "the camera model has no ray for a pixel",
-        found=f"{why} ({counted(count, 'pixel', 'pixels')})",
+        found=f"{why} ({plural(count, 'pixel', 'pixels')})",
         expected="a distortion that is invertible over the whole image",
         next_step="check the parameters in cameras.txt, or score with --camera-model none",
     )

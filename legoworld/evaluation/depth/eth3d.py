@@ -41,7 +41,7 @@ class Eth3dFiles:
     calibration: Path | None
 
 
-def scene_of(file_name: str) -> str | None:
+def parse_scene_name(file_name: str) -> str | None:
     """The ETH3D scene of a photo; None if the name is not `<scene>/images/dslr_images/X`."""
     match = _FILE_NAME.fullmatch(file_name)
     return match["scene"] if match else None

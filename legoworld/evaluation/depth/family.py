@@ -15,7 +15,7 @@ from legoworld.evaluation.depth.errors import (
     DepthTruthError,
     DepthUnseenError,
 )
-from legoworld.evaluation.depth.eth3d import scene_of
+from legoworld.evaluation.depth.eth3d import parse_scene_name
 from legoworld.evaluation.depth.labelled import read_prediction
 from legoworld.evaluation.depth.protocol import (
     CAMERA_MODELS,
@@ -96,7 +96,7 @@ def _protocol(task: str) -> DepthProtocol:
 
 
 def _group(file_name: str) -> str:
-    return scene_of(file_name) or file_name
+    return parse_scene_name(file_name) or file_name
 
 
 def _options_of(summary: DepthSummary) -> Mapping[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.pixels.family import F64
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 
 _SATURATED: Final = 65535
 
@@ -91,7 +91,7 @@ def metres(
     if saturated:
         raise DepthFileError(
             f"{source} is clipped: the scene exceeds the range of 16 bits",
-            found=f"{counted(saturated, 'pixel', 'pixels')} of {_SATURATED}",
+            found=f"{plural(saturated, 'pixel', 'pixels')} of {_SATURATED}",
             expected=f"values below {_SATURATED}",
             next_step=f"store float32, or declare invalid_value = {_SATURATED} if it means none",
         )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck, picture_shape
-from legoworld.depth_files.reading import (
+from legoworld.depth_files.read_depth import (
     npz_contents,
     read_npz_array,
     read_picture,

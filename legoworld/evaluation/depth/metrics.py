@@ -56,7 +56,7 @@ def error_sums(predicted_z_m: F64, true_z_m: F64, delta_base: float) -> ErrorSum
     )
 
 
-def metrics_of(predicted: ErrorSums, holes_far: ErrorSums, protocol: DepthProtocol) -> Metrics:
+def compute_metrics(predicted: ErrorSums, holes_far: ErrorSums, protocol: DepthProtocol) -> Metrics:
     """Every metric under every policy for which it is defined.
 
     predicted: pixels with a prediction, at least one; holes_far: pixels without one, scored at the

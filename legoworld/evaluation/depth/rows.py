@@ -47,7 +47,7 @@ def measure_depth(image: Measuring) -> ImageResult:
         warped=camera is not None,
     )
     score = score_image(image.truth.values, sample, image.protocol)
-    return _scored(row, image.truth, sample, score, image.protocol)
+    return _score_row(row, image.truth, sample, score, image.protocol)
 
 
 def warp_of(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
@@ -61,7 +61,7 @@ def warp_of(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
     return partial(pinhole_from_distorted, camera)
 
 
-def _scored(
+def _score_row(
     row: DepthRow,
     truth: PixelTruth,
     sample: Sample,

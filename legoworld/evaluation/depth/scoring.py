@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from legoworld.evaluation.depth.alignment import (
     Moments,
     aligned_z,
-    merged,
-    moments_of,
+    compute_moments,
+    merge_moments,
     solve,
 )
 from legoworld.evaluation.depth.arrays import in_range
-from legoworld.evaluation.depth.metrics import ErrorSums, error_sums, metrics_of
+from legoworld.evaluation.depth.metrics import ErrorSums, compute_metrics, error_sums
 from legoworld.evaluation.depth.protocol import DepthProtocol
 from legoworld.evaluation.pixels.family import F64, Mask
-from legoworld.evaluation.pixels.resampling import Sample, Sampled
+from legoworld.evaluation.pixels.resampling import Sample, SampledPrediction
 from legoworld.records.evaluation_view import Fit
 from legoworld.records.pixels import Metrics
 
@@ -91,7 +91,7 @@ def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol
         ),
         deepest_z_m=first.deepest_z_m,
         fit=fit,
-        metrics=metrics_of(seen, holes, protocol),
+        metrics=compute_metrics(seen, holes, protocol),
         constant=_constant_metrics(constant_seen, constant_whole, protocol),
     )
 
@@ -110,15 +110,15 @@ def _first_pass(truth_z_m: NDArray[Any], sample: Sample) -> _FirstPass:
             continue
         disparity = 1.0 / true_z_m
         on = sampled.predicted
-        fit = merged(fit, moments_of(sampled.values[on], disparity[on]))
-        whole = merged(whole, moments_of(disparity, disparity))
+        fit = merge_moments(fit, compute_moments(sampled.values[on], disparity[on]))
+        whole = merge_moments(whole, compute_moments(disparity, disparity))
         deepest = max(deepest, float(true_z_m.max()))
         outside += int(np.count_nonzero(sampled.outside))
     counts = Counts(truth=whole.n, predicted=fit.n, outside=outside)
     return _FirstPass(fit=fit, whole=whole, deepest_z_m=deepest, counts=counts)
 
 
-def _bands(truth_z_m: NDArray[Any], sample: Sample) -> Iterator[tuple[F64, Sampled]]:
+def _bands(truth_z_m: NDArray[Any], sample: Sample) -> Iterator[tuple[F64, SampledPrediction]]:
     """Valid truth (n,) float64 and the prediction there, in row order."""
     height, width = truth_z_m.shape
     step = max(1, _BAND_PX // width)
@@ -135,8 +135,8 @@ def _constant_sums(moments: Moments, true_z_m: F64, delta_base: float) -> ErrorS
 
 def _constant_metrics(seen: ErrorSums, whole: ErrorSums, protocol: DepthProtocol) -> Metrics:
     """A constant has no holes: on the predicted pixels under exclude, on all of them otherwise."""
-    on_seen = metrics_of(seen, ErrorSums(), protocol)
-    on_whole = metrics_of(whole, ErrorSums(), protocol)
+    on_seen = compute_metrics(seen, ErrorSums(), protocol)
+    on_whole = compute_metrics(whole, ErrorSums(), protocol)
     return {
         metric: {
             policy: (on_seen if policy == "exclude" else on_whole)[metric][policy]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from legoworld.evaluation.depth.eth3d import scene_of, training_images
+from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, METRICS, DepthProtocol
 from legoworld.evaluation.pixels.family import Settings
 from legoworld.evaluation.pixels.summary import common, covered, mean, means, with_missing
@@ -53,7 +53,7 @@ def _part_of_eth3d(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:
     whole = {image.file_name for image in training_images()}
     if not names or not names <= whole:
         return UNSET
-    scenes, of = ({scene_of(name) for name in some} for some in (names, whole))
+    scenes, of = ({parse_scene_name(name) for name in some} for some in (names, whole))
     return PartOfEth3d(
         images=len(names), of_images=len(whole), scenes=len(scenes), of_scenes=len(of)
     )

@@ -5,15 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
-from legoworld.evaluation.short_text import bounds, evaluator_of, first_few, fraction, image_counts
-from legoworld.pluralize import counted
+from legoworld.evaluation.short_text import (
+    bounds,
+    describe_evaluator,
+    first_few,
+    fraction,
+    image_counts,
+)
+from legoworld.pluralize import plural
 from legoworld.records.depth import DepthCoverage, DepthSummary
 
 
 def short_depth(summary: DepthSummary) -> str:
     """AbsRel and delta1 under each hole policy with denominators, and the unscored images."""
     lines = [
-        f"{evaluator_of(summary)}, camera model {summary.protocol.camera_model}: "
+        f"{describe_evaluator(summary)}, camera model {summary.protocol.camera_model}: "
         f"{image_counts(summary.coverage)}{_of_eth3d(summary.coverage)}"
     ]
     for metric in ("abs_rel", "delta1"):
@@ -38,7 +44,7 @@ def _of_eth3d(coverage: DepthCoverage) -> str:
         return ""
     return (
         f" ({part.images} of ETH3D's {part.of_images}, in {part.scenes} of "
-        f"{counted(part.of_scenes, 'scene', 'scenes')})"
+        f"{plural(part.of_scenes, 'scene', 'scenes')})"
     )
 
 
@@ -46,7 +52,7 @@ def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
     """Means per hole policy beside those of the constant, with intervals and denominators."""
     (part,) = metric_parts(summary)
     groups, every = summary.bootstrap, summary.all_attempted
-    scenes = counted(groups.groups, "scene", "scenes")
+    scenes = plural(groups.groups, "scene", "scenes")
     rows = [
         replace(
             row,
@@ -55,7 +61,7 @@ def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
         )
         for row in part.rows
     ]
-    images = counted(every.images, "image", "images")
+    images = plural(every.images, "image", "images")
     over = f"{images} with truth, {every.missing} of them without a score at "
     rows += [
         MetricRow(
@@ -88,7 +94,7 @@ def depth_notes(summary: DepthSummary) -> list[str]:
     lines = [
         f"images: {', '.join([*others, *flagged])}; "
         f"{summary.worse_than_constant} worse than a constant, "
-        f"{summary.resampled} resampled, {counted(summary.warnings, 'warning', 'warnings')}",
+        f"{summary.resampled} resampled, {plural(summary.warnings, 'warning', 'warnings')}",
         "mean share of truth pixels: "
         + ", ".join(f"{name} {fraction(x)}" for name, x in shares.items()),
         *_not_scored(summary),

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.depth_files.reading import check_raw_float32, read_raw_float32
+from legoworld.depth_files.read_depth import check_raw_float32, read_raw_float32
 from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError

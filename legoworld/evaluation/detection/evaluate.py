@@ -13,7 +13,7 @@ from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.detection.inputs.predictions import (
     Predictions,
     check_predictions,
-    kind_of,
+    prediction_type,
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import Truth, read_truth
@@ -32,12 +32,12 @@ from legoworld.evaluation.detection.scoring import (
     RankedScore,
     Score,
     ScoreRequest,
-    frequencies_of,
+    category_frequencies,
     named_metrics,
     ranked_score,
     score,
 )
-from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
+from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET
 from legoworld.records.detection import (
@@ -102,7 +102,7 @@ def evaluate_detections(
         output, files, configuration, run=run.folder, origins=origins, overwrite=overwrite
     )
     notice("checking the predictions")
-    batches = read_predictions(run, kind_of(protocol))
+    batches = read_predictions(run, prediction_type(protocol))
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
     request = ScoreRequest(
         truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, pool=pool
@@ -119,7 +119,7 @@ def evaluate_detections(
         inputs=inputs,
         per_image=per_image_rows(run, predictions, own),
         per_category=per_category_rows(truth, own),
-        matches=matches_file.arrays_of(own, equal),
+        matches=matches_file.pack_matches(own, equal),
         view={**views(truth, predictions, own), "run.json": run_view(run)},
     )
     write_evaluation(output, evaluation, overwrite=overwrite)
@@ -128,7 +128,7 @@ def evaluate_detections(
 
 def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:
     """The official evaluator, or hotcoco with a warning if lvis is not installed."""
-    if protocol.federated and not lvis_package.installed():
+    if protocol.federated and not lvis_package.is_installed():
         warn(
             "the official LVIS evaluator is not installed: scoring with hotcoco, whose numbers "
             f"agree to 1e-12; for the official one: {lvis_package.HOW_TO_INSTALL}"
@@ -225,7 +225,7 @@ def _counts(
 
 
 def _frequency_groups(truth: Truth, n_truths: Ints) -> dict[str, FrequencyCounts]:
-    frequencies = frequencies_of(truth)
+    frequencies = category_frequencies(truth)
     return {
         letter: FrequencyCounts(
             categories=int((frequencies == letter).sum()),

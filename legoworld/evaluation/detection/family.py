@@ -14,10 +14,10 @@ from legoworld.evaluation.detection.text import (
     short_detections,
 )
 from legoworld.evaluation.detection.verification import detection_checks
-from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded
+from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, RecordedEvaluation
 from legoworld.records.detection import DetectionEvidence
 from legoworld.records.evaluation_summary import DetectionSummary
-from legoworld.records.folders.evaluation_reading import MATCHES
+from legoworld.records.folders.read_evaluation import MATCHES
 
 
 def _evaluate(request: EvaluationRequest) -> DetectionSummary:
@@ -36,7 +36,7 @@ def _evaluate(request: EvaluationRequest) -> DetectionSummary:
     ).summary
 
 
-def _verify(recorded: Recorded) -> Iterator[Check]:
+def _verify(recorded: RecordedEvaluation) -> Iterator[Check]:
     evidence = cast("DetectionEvidence", recorded.evidence)
     yield from detection_checks(
         recorded.folder, evidence, cast("DetectionSummary", recorded.summary)

@@ -34,14 +34,14 @@ class LvisMissingError(LegoWorldError):
     exit_code = exit_codes.BLOCKED
 
 
-def installed() -> bool:
+def is_installed() -> bool:
     """Whether the official LVIS evaluator is installed."""
     return importlib.util.find_spec("lvis") is not None
 
 
 def load() -> ModuleType:
     """The lvis package, ready to score. LvisMissingError if it is not installed."""
-    if not installed():
+    if not is_installed():
         raise LvisMissingError(
             "the official LVIS evaluator is not installed",
             found="no package lvis",
@@ -58,7 +58,7 @@ def load() -> ModuleType:
 def dataset(package: ModuleType, document: Mapping[str, Json]) -> Any:
     """An lvis.LVIS of a document; its own constructor only takes a path."""
     made = package.LVIS.__new__(package.LVIS)
-    return _filled(made, document)
+    return _fill_instance(made, document)
 
 
 def results(package: ModuleType, truth: Any, entries: Sequence[Mapping[str, Json]]) -> Any:
@@ -66,7 +66,7 @@ def results(package: ModuleType, truth: Any, entries: Sequence[Mapping[str, Json
     if entries:
         return package.LVISResults(truth, entries)
     made = package.LVISResults.__new__(package.LVISResults)
-    return _filled(made, {**truth.dataset, "annotations": []})
+    return _fill_instance(made, {**truth.dataset, "annotations": []})
 
 
 @contextmanager
@@ -92,7 +92,7 @@ class _NumpyWithFloat:
         return getattr(np, name)
 
 
-def _filled(made: Any, document: Mapping[str, Json]) -> Any:
+def _fill_instance(made: Any, document: Mapping[str, Json]) -> Any:
     made.logger = logging.getLogger("lvis.lvis")
     made.dataset = document
     made._create_index()

@@ -136,7 +136,7 @@ def _detections(
         within = rank < protocol.per_category_cap
         order, rank = order[within], rank[within]
     cell = image[order] * len(category_ids) + category[order]
-    verified, exhaustive = _federated(truth, cell, category_ids, truths, protocol)
+    verified, exhaustive = _apply_federation(truth, cell, category_ids, truths, protocol)
     return Detections(
         image=image[order],
         category=category[order],
@@ -148,7 +148,7 @@ def _detections(
     ), len(entries) - len(order)
 
 
-def _federated(
+def _apply_federation(
     truth: Truth,
     cell: Ints,
     category_ids: Ints,

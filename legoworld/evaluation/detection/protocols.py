@@ -15,7 +15,7 @@ from legoworld.errors import UsageError
 from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.payloads.payload import IouType, Payload
-from legoworld.tasks.registry import find_task, tasks_of
+from legoworld.tasks.registry import family_tasks, find_task
 from legoworld.tasks.shipped import DETECTION
 
 #: By the card's `readout.reads`.
@@ -115,7 +115,7 @@ def detection_protocol(task: str) -> DetectionProtocol:
         raise UsageError(
             "there is no such detection task",
             found=repr(task),
-            expected=" or ".join(one.name for one in tasks_of(DETECTION)),
+            expected=" or ".join(one.name for one in family_tasks(DETECTION)),
         )
     federated = known.dataset.federated
     return DetectionProtocol(

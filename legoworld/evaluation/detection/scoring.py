@@ -24,8 +24,8 @@ from legoworld.evaluation.detection.matching.matched_metrics import (
     matched_counts,
     matched_metrics,
 )
-from legoworld.evaluation.detection.matching.matches import matches_of, states_of
-from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.matching.matches import match_and_pair, match_states
+from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
 from legoworld.evaluation.detection.problem import Floats, Problem, build_problem
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.detection.ranking.accumulation import Curves, accumulate, metric_value
@@ -80,7 +80,7 @@ class Score(RankedScore):
     intervals: dict[str, Interval]
 
 
-def frequencies_of(truth: Truth) -> NDArray[np.str_]:
+def category_frequencies(truth: Truth) -> NDArray[np.str_]:
     """(K,) LVIS's frequency letter of each category; empty where there is none."""
     by_id = {c["id"]: str(c.get("frequency", "")) for c in truth.categories}
     return np.array([by_id[c.id] for c in truth.vocabulary.categories])
@@ -90,8 +90,8 @@ def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Sc
     """Score predictions. EvaluatorDisagreesError if evaluator and matches disagree."""
     problem = build_problem(request.truth, predictions, request.protocol)
     notice("matching")
-    matches = matches_of(problem, request.truth, predictions, request.pool)
-    ranked = _ranked(request, predictions, problem, matches.state, notice)
+    matches = match_and_pair(problem, request.truth, predictions, request.pool)
+    ranked = _score_ranking(request, predictions, problem, matches.state, notice)
     counts = matched_counts(problem, matches.aware), matched_counts(problem, matches.agnostic)
     notice(f"{request.draws} bootstrap samples")
     samples = resample_counts(len(problem.image_ids), request.draws, request.seed)
@@ -109,11 +109,11 @@ def ranked_score(request: ScoreRequest, predictions: Predictions, notice: Notice
     """Score the same predictions under another ranking, without the score-free results."""
     problem = build_problem(request.truth, predictions, request.protocol)
     notice("matching")
-    state = states_of(problem, request.truth, predictions, request.pool)
-    return _ranked(request, predictions, problem, state, notice)
+    state = match_states(problem, request.truth, predictions, request.pool)
+    return _score_ranking(request, predictions, problem, state, notice)
 
 
-def _ranked(
+def _score_ranking(
     request: ScoreRequest,
     predictions: Predictions,
     problem: Problem,
@@ -134,7 +134,7 @@ def check_agreement(
     scores: OfficialScores, curves: Curves, truth: Truth, protocol: DetectionProtocol
 ) -> None:
     """Compare an evaluator's numbers with those recomputed from the recorded matches."""
-    frequencies = frequencies_of(truth)
+    frequencies = category_frequencies(truth)
     ours = np.array([metric_value(m, curves, frequencies) for m in protocol.metrics])
     theirs = np.array(scores.official)
     worst = float(np.abs(ours - theirs).max())
@@ -158,7 +158,7 @@ def _intervals(
 ) -> dict[str, Interval]:
     """Bootstrap intervals over images of every official and every score-free number."""
     protocol = request.protocol
-    metrics = resampled_metrics(table, protocol, samples, frequencies_of(request.truth))
+    metrics = resampled_metrics(table, protocol, samples, category_frequencies(request.truth))
     values = dict(zip((m.name for m in protocol.metrics), scores.official, strict=True))
     whole = np.ones((1, samples.shape[1]), np.int32)
     for prefix, counts in (("class_aware", aware), ("class_agnostic", agnostic)):
@@ -168,18 +168,18 @@ def _intervals(
                 metrics[f"{prefix}.{name}"] = resampled[name]
                 values[f"{prefix}.{name}"] = float(point[name][0])
     del metrics["class_aware.label_accuracy"]
-    lone = metrics_of_one_image(table, protocol, frequencies_of(request.truth))
+    lone = metrics_of_one_image(table, protocol, category_frequencies(request.truth))
     if len(np.unique(table.truth_image)) < 2:
         lone = set(metrics)
     return {
         name: centred_interval(
-            resampled, np.nan if name in lone else _defined(values[name]), unit="image"
+            resampled, np.nan if name in lone else _nan_if_undefined(values[name]), unit="image"
         )
         for name, resampled in metrics.items()
     }
 
 
-def _defined(value: float) -> float:
+def _nan_if_undefined(value: float) -> float:
     """An official -1 is no value."""
     return float("nan") if value == -1 else value
 

@@ -10,8 +10,14 @@ from legoworld.evaluation.detection.protocols import (
     detection_protocol,
 )
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
-from legoworld.evaluation.short_text import bounds, evaluator_of, first_few, fraction, image_counts
-from legoworld.pluralize import counted
+from legoworld.evaluation.short_text import (
+    bounds,
+    describe_evaluator,
+    first_few,
+    fraction,
+    image_counts,
+)
+from legoworld.pluralize import plural
 from legoworld.records.evaluation_summary import DetectionSummary, Matched
 from legoworld.tables.table import Number
 
@@ -28,26 +34,26 @@ def short_detections(summary: DetectionSummary) -> str:
     """AP with its interval and denominators, tie orders, recall at IoU 0.5, warnings."""
     metrics, counts = summary.metrics, summary.counts
     over = (
-        f"{counted(counts.categories_with_truth, 'category', 'categories')}, "
-        f"{counted(counts.truth_instances, 'annotation', 'annotations')}"
+        f"{plural(counts.categories_with_truth, 'category', 'categories')}, "
+        f"{plural(counts.truth_instances, 'annotation', 'annotations')}"
     )
     lines = [
-        f"{evaluator_of(summary)}, {summary.iou_type}: {image_counts(summary.coverage)}",
+        f"{describe_evaluator(summary)}, {summary.iou_type}: {image_counts(summary.coverage)}",
         f"AP {fraction(metrics['AP'])}{bounds(summary.intervals.get('AP'))}, "
         f"AP50 {fraction(metrics['AP50'])}, AP75 {fraction(metrics['AP75'])} over {over}",
     ]
     ties = summary.ties
     if ties.n_tied:
         lines.append(
-            f"AP over {counted(ties.draws, 'tie order', 'tie orders')}: "
+            f"AP over {plural(ties.draws, 'tie order', 'tie orders')}: "
             f"{fraction(ties.expected)}, between {fraction(ties.worst)} and {fraction(ties.best)}"
         )
     matched = summary.matched.class_aware
     lines.append(
         f"at IoU 0.5: recall {fraction(matched.recall_50)} of "
-        f"{counted(matched.n_gt, 'annotation', 'annotations')}, "
+        f"{plural(matched.n_gt, 'annotation', 'annotations')}, "
         f"precision {fraction(matched.precision_50)} of "
-        f"{counted(matched.n_dt, 'prediction', 'predictions')}; mean IoU "
+        f"{plural(matched.n_dt, 'prediction', 'predictions')}; mean IoU "
         f"{fraction(matched.miou_gt_micro)}"
     )
     if summary.partial:
@@ -59,7 +65,7 @@ def short_detections(summary: DetectionSummary) -> str:
 def evaluator_lines(summary: DetectionSummary) -> str:
     """The evaluator, and its numbers as it words them."""
     lines = official_lines(detection_protocol(summary.task), summary.official)
-    title = f"{evaluator_of(summary)}, {summary.iou_type}, {image_counts(summary.coverage)}"
+    title = f"{describe_evaluator(summary)}, {summary.iou_type}, {image_counts(summary.coverage)}"
     return "\n\n".join([title, "\n".join(lines)])
 
 
@@ -190,4 +196,4 @@ def notes(summary: DetectionSummary) -> list[str]:
 
 
 def _many(count: int, name: str) -> str:
-    return counted(count, name, f"{name[:-1]}ies" if name.endswith("y") else f"{name}s")
+    return plural(count, name, f"{name[:-1]}ies" if name.endswith("y") else f"{name}s")

@@ -10,7 +10,7 @@ import numpy as np
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.evaluation.checks import Check, check_equal
-from legoworld.evaluation.detection.inputs.prediction_columns import columns_of, score_column
+from legoworld.evaluation.detection.inputs.prediction_columns import make_columns, score_column
 from legoworld.evaluation.detection.inputs.prediction_order import in_order
 from legoworld.evaluation.detection.inputs.predictions import sha256_of_entries
 from legoworld.evaluation.detection.matching import matches_file
@@ -22,7 +22,7 @@ from legoworld.records.base import as_json, decode
 from legoworld.records.detection import DetectionEvidence
 from legoworld.records.evaluation_summary import DetectionSummary
 from legoworld.records.evaluation_view import TruthCategories
-from legoworld.records.folders.evaluation_reading import (
+from legoworld.records.folders.read_evaluation import (
     MATCHES,
     VIEW,
 )
@@ -67,7 +67,7 @@ def detection_checks(
 
 def _export_sha256(predictions: list[Prediction], *, equal: bool) -> str:
     """Hash of the results that view/predictions.json shows, as `Predictions.sha256` makes it."""
-    entries = columns_of(predictions)
+    entries = make_columns(predictions)
     if equal:
         entries = replace(entries, score=score_column([EQUAL_CONFIDENCE] * len(entries)))
         entries = in_order(entries, "canonical")

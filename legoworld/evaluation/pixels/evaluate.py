@@ -8,14 +8,14 @@ from typing import Any
 
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.family import EvaluationRequest
-from legoworld.evaluation.opening import prepared_inputs
 from legoworld.evaluation.pixels.family import Options, PixelFamily, Settings, TruthFile
 from legoworld.evaluation.pixels.image_tasks import image_tasks, scored_images
 from legoworld.evaluation.pixels.predictions import PixelRun, read_pixel_run
+from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
 from legoworld.records.folders.evaluation_folder import Evaluation, write_evaluation
-from legoworld.records.folders.run_reading import ROWS, RUN
+from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.pixels import PixelRow
 
 

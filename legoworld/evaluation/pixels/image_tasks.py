@@ -11,7 +11,7 @@ from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.pixels.family import ImageResult, Options, PixelFamily, TruthFile
 from legoworld.evaluation.pixels.predictions import PixelImage, PixelRun
 from legoworld.evaluation.pixels.rows import score_row
-from legoworld.workers.tasks import WorkerPool, results_of
+from legoworld.workers.tasks import WorkerPool, map_items
 
 #: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
@@ -50,7 +50,7 @@ def scored_images(tasks: Sequence[ImageTask], pool: WorkerPool) -> Iterator[Imag
     """The result of every image, in the order of the tasks."""
     truth_bytes = sum(task.sizes_bytes.get(task.file.path, 0) for task in tasks)
     much = len(tasks) > 1 and truth_bytes > _FEW_BYTES
-    return results_of(score_task, tasks, pool.for_work(worth_a_process=much))
+    return map_items(score_task, tasks, pool.for_work(worth_a_process=much))
 
 
 def score_task(task: ImageTask) -> ImageResult:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
-from legoworld.depth_files.reading import Npz
+from legoworld.depth_files.read_depth import Npz
 
 
 def claimed_size(path: Path, read: Callable[[Path, SizeCheck], object]) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.pixels.family import PixelArray, PixelFamily
-from legoworld.evaluation.run import Run, read_rows, read_run_of
+from legoworld.evaluation.run import Run, read_family_run, read_rows
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.run_rows import RunImage, RunRow
@@ -44,7 +44,7 @@ class PixelRun:
 
 def read_pixel_run(folder: Path, family: PixelFamily) -> PixelRun:
     """A family's run and its images by ascending id. Raises RunUnusableError or UsageError."""
-    run = read_run_of(folder, family.family, f"a {family.noun} run")
+    run = read_family_run(folder, family.family, f"a {family.noun} run")
     return PixelRun(
         run=run,
         kind=str(run.configuration.kind or None),

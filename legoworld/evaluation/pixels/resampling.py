@@ -15,7 +15,7 @@ from legoworld.evaluation.pixels.family import F64, Index, PixelArray, PixelFami
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampled:
+class SampledPrediction:
     """A prediction at n ground-truth pixels.
 
     values: (n,) or (n, channels), 0 where not predicted. predicted, outside: (n,); outside: not
@@ -28,7 +28,7 @@ class Sampled:
 
 
 #: Maps ground-truth pixels (rows, cols), each (n,), to the prediction there.
-Sample = Callable[[Index, Index], Sampled]
+Sample = Callable[[Index, Index], SampledPrediction]
 #: Maps positions (n, 2) in the truth's picture to those that the prediction has there, in pixels
 #: of the truth's size.
 Warp = Callable[[F64], F64]
@@ -51,7 +51,7 @@ def sampler(prediction: PixelArray, truth_wh: tuple[int, int], warp: Warp | None
         return lambda rows, cols: _same_pixels(prediction, rows, cols)
     scale_xy = np.array([p / t for p, t in zip(prediction.size_wh, truth_wh, strict=True)])
 
-    def sample(rows: Index, cols: Index) -> Sampled:
+    def sample(rows: Index, cols: Index) -> SampledPrediction:
         xy_px = np.stack([cols + 0.5, rows + 0.5], axis=1)
         if warp is not None:
             xy_px = warp(xy_px)
@@ -60,7 +60,7 @@ def sampler(prediction: PixelArray, truth_wh: tuple[int, int], warp: Warp | None
     return sample
 
 
-def bilinear(prediction: PixelArray, xy_px: F64) -> Sampled:
+def bilinear(prediction: PixelArray, xy_px: F64) -> SampledPrediction:
     """Values at positions (n, 2), x and y from the top left corner; pixel centres are at .5.
 
     Weights are those of bilinear interpolation (edge pixels continue outwards by half a pixel),
@@ -86,12 +86,12 @@ def bilinear(prediction: PixelArray, xy_px: F64) -> Sampled:
     sampled = inside & (weights >= _MIN_WEIGHT)
     means = np.zeros_like(total)
     np.divide(total.T, weights, out=means.T, where=sampled)
-    return Sampled(values=means, predicted=sampled, outside=~inside)
+    return SampledPrediction(values=means, predicted=sampled, outside=~inside)
 
 
-def _same_pixels(prediction: PixelArray, rows: Index, cols: Index) -> Sampled:
+def _same_pixels(prediction: PixelArray, rows: Index, cols: Index) -> SampledPrediction:
     values, predicted = prediction.at(rows, cols)
-    return Sampled(values=values, predicted=predicted, outside=np.zeros_like(predicted))
+    return SampledPrediction(values=values, predicted=predicted, outside=np.zeros_like(predicted))
 
 
 def size_check(family: PixelFamily, truth_wh: tuple[int, int]) -> SizeCheck:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from legoworld.depth_files.reading import SUFFIXES, files_named, refuse_photo
+from legoworld.depth_files.read_depth import SUFFIXES, files_named, refuse_photo
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.pixels.predictions import photo_stem
 from legoworld.pluralize import share

@@ -10,13 +10,13 @@ from typing import Any, Final, cast
 
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.agreement import agreement
-from legoworld.evaluation.checks import Check, located
-from legoworld.evaluation.family import Recorded
+from legoworld.evaluation.checks import Check, find_input
+from legoworld.evaluation.family import RecordedEvaluation
 from legoworld.evaluation.pixels.family import Options, PixelFamily, Settings, TruthFile
 from legoworld.evaluation.pixels.predictions import read_pixel_run
 from legoworld.evaluation.pixels.rows import score_row
 from legoworld.records.base import as_json
-from legoworld.records.folders.evaluation_reading import SUMMARY
+from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.pixels import PixelSummary
 from legoworld.records.run_rows import RunImage
 
@@ -24,7 +24,7 @@ from legoworld.records.run_rows import RunImage
 SCORED_AGAIN: Final = 10
 
 
-def verify_pixels(family: PixelFamily, recorded: Recorded) -> Iterator[Check]:
+def verify_pixels(family: PixelFamily, recorded: RecordedEvaluation) -> Iterator[Check]:
     """Compare the summary with that recomputed from the rows, and rows with those of the arrays."""
     summary = cast("PixelSummary", recorded.summary)
     options = family.options_of(summary)
@@ -46,11 +46,13 @@ def verify_pixels(family: PixelFamily, recorded: Recorded) -> Iterator[Check]:
         yield from _rows_again(family, recorded, options)
 
 
-def _rows_again(family: PixelFamily, recorded: Recorded, options: Options) -> Iterator[Check]:
+def _rows_again(
+    family: PixelFamily, recorded: RecordedEvaluation, options: Options
+) -> Iterator[Check]:
     """Re-score up to `SCORED_AGAIN` images from the available run and ground truth."""
     run_file, truth_file = (
         next(
-            located(recorded.folder, i.path, recorded.root)
+            find_input(recorded.folder, i.path, recorded.root)
             for i in recorded.evidence.inputs
             if i.role == role
         )

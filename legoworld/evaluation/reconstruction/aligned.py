@@ -63,7 +63,7 @@ class Motion:
     translation_m: F64
     registration: Registration
 
-    def moved(self, points_m: F64) -> F64:
+    def apply(self, points_m: F64) -> F64:
         """(N, 3) points after the motion."""
         return points_m @ self.rotation.T + self.translation_m
 
@@ -74,7 +74,7 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     Every step takes the 80 % nearest pairs of 2,000 points of each cloud and solves for the
     motion in closed form (Kabsch 1976). None with fewer than 3 points on either side.
     """
-    target, source = _thinned(reference_m), _thinned(submitted_m)
+    target, source = _thin_points(reference_m), _thin_points(submitted_m)
     if min(len(target), len(source)) < 3:
         return None
     nearest = MovingPairs(target)
@@ -151,7 +151,7 @@ def angle_rad(rotation: F64) -> float:
     return float(np.arctan2(sine, 0.5 * (float(np.trace(rotation)) - 1.0)))
 
 
-def _thinned(points_m: F64) -> F64:
+def _thin_points(points_m: F64) -> F64:
     step = max(1, -(-len(points_m) // ICP_POINTS))
     return points_m[::step]
 

@@ -40,7 +40,7 @@ class Agreement:
         return float(np.count_nonzero(self.hits(delta))) / self.largest.size
 
 
-def decoded(data: bytes) -> Picture:
+def decode_picture(data: bytes) -> Picture:
     """A picture file as (H, W, 3) 8-bit sRGB, alpha dropped. PictureError."""
     width, height = claimed_size_wh(data)
     if width * height > MOST_PHOTO_PX:
@@ -52,7 +52,7 @@ def decoded(data: bytes) -> Picture:
         raise PictureError(cause(error)) from error
 
 
-def resized(picture: Picture, size_wh: tuple[int, int]) -> Picture:
+def resize_picture(picture: Picture, size_wh: tuple[int, int]) -> Picture:
     """Pillow's LANCZOS, as the published evaluator's; the picture itself where sizes are equal."""
     height, width = picture.shape[:2]
     if (width, height) == size_wh:
@@ -67,13 +67,13 @@ def agreement(render: Picture, reference: Picture) -> Agreement:
     return Agreement(largest=np.maximum(np.maximum(apart[..., 0], apart[..., 1]), apart[..., 2]))
 
 
-def curve(found: Agreement, delta: int) -> dict[str, float]:
+def curve(agreement: Agreement, delta: int) -> dict[str, float]:
     """A by delta, ascending; never falls."""
-    counts = np.cumsum(np.bincount(found.largest.ravel(), minlength=256))
-    return {str(d): float(counts[d]) / found.largest.size for d in sorted({*CURVE, delta})}
+    counts = np.cumsum(np.bincount(agreement.largest.ravel(), minlength=256))
+    return {str(d): float(counts[d]) / agreement.largest.size for d in sorted({*CURVE, delta})}
 
 
-def raster_pixel_of(
+def raster_indices(
     shape: tuple[int, ...], raster_shape: tuple[int, ...]
 ) -> tuple[NDArray[np.intp], ...]:
     """Rows and columns, to index with, of the raster pixel that contains each picture pixel."""

@@ -58,7 +58,7 @@ class _Match:
     apart_m: float | None
 
 
-def counted(
+def count_joints(
     reference: Sequence[ReferenceJoint],
     names: Mapping[int, str],
     submitted: Sequence[SceneJoint],
@@ -70,7 +70,7 @@ def counted(
     names: of scored objects by id; present: of each reference joint. A joint whose part is of no
     scored object is ignored, and so is what corresponds to it.
     """
-    pairs = corresponding(reference, submitted, rules)
+    pairs = match_joints(reference, submitted, rules)
     rows: list[JointRow] = []
     for place, joint in enumerate(reference):
         match = None
@@ -94,8 +94,8 @@ def none_found(reference: Sequence[ReferenceJoint], names: Mapping[int, str]) ->
 
 
 def _articulation(rows: Sequence[JointRow], extra: tuple[str, ...]) -> Articulation:
-    found = Counter(_LETTER[row.outcome] for row in rows if row.outcome in _LETTER)
-    counts = {letter: found[letter] for letter in "CWPOJ"}
+    outcomes = Counter(_LETTER[row.outcome] for row in rows if row.outcome in _LETTER)
+    counts = {letter: outcomes[letter] for letter in "CWPOJ"}
     score = articulation_score(**counts, E=len(extra))
     return Articulation(**counts, E=len(extra), score=score, joints=tuple(rows), extra=extra)
 
@@ -106,12 +106,12 @@ def articulation_score(*, C: int, W: int, P: int, O: int, J: int, E: int) -> flo
     return 2 * C / whole if whole else None
 
 
-def summed(counts: Sequence[JointCounts]) -> dict[str, int]:
+def sum_counts(counts: Sequence[JointCounts]) -> dict[str, int]:
     """The six counts over cases."""
     return {letter: sum(getattr(one, letter) for one in counts) for letter in "CWPOJE"}
 
 
-def corresponding(
+def match_joints(
     reference: Sequence[ReferenceJoint], submitted: Sequence[SceneJoint], rules: ArticulationRules
 ) -> dict[int, tuple[int, float]]:
     """Which submitted joint answers to which reference joint, and the IoU of their parts' boxes.
@@ -132,14 +132,14 @@ def _iou(reference: SceneJoint, submitted: SceneJoint, pad: float) -> float:
     if reference.box_cam_m is None or submitted.box_cam_m is None:
         return 0.0
     grow = pad * _depth_m(reference)
-    ours, theirs = (_grown(joint.box_cam_m, grow) for joint in (reference, submitted))
+    ours, theirs = (_grow_box(joint.box_cam_m, grow) for joint in (reference, submitted))
     both = np.clip(np.minimum(ours[1], theirs[1]) - np.maximum(ours[0], theirs[0]), 0.0, None)
     shared = float(np.prod(both))
     either = sum(float(np.prod(box[1] - box[0])) for box in (ours, theirs)) - shared
     return shared / either if either > 0 and math.isfinite(either) else 0.0
 
 
-def _grown(box: tuple[Vector, Vector] | None, by: float) -> F64:
+def _grow_box(box: tuple[Vector, Vector] | None, by: float) -> F64:
     corners = np.array(box, np.float64)
     return np.stack([corners[0] - by, corners[1] + by])
 

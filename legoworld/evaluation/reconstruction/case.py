@@ -17,7 +17,7 @@ from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
 from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
-from legoworld.evaluation.reconstruction.joints import articulation_of, not_valid
+from legoworld.evaluation.reconstruction.joints import not_valid, score_articulation
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Flags, finite_points
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
@@ -61,7 +61,7 @@ def score_case(task: CaseTask) -> ReconstructionRow:
         render = None if row.render is UNSET else load_render(task.run, row.render)
     except SubmissionFileError as error:
         return replace(zeros, status="changed", code=error.code, reason=str(error))
-    return _compared(task, zeros, reference, surface, render)
+    return _score_compared(task, zeros, reference, surface, render)
 
 
 def zero_row(task: CaseTask) -> ReconstructionRow:
@@ -102,7 +102,7 @@ def _checks(validity: Validity) -> dict[str, Check]:
     return {name: getattr(validity, name) for name in validity.__struct_fields__}
 
 
-def _compared(
+def _score_compared(
     task: CaseTask,
     row: ReconstructionRow,
     reference: Reference,
@@ -136,7 +136,7 @@ def _compared(
         appearance=seen[1] if seen else None,
         flags=tuple(_flags(task, surface, picture, seen, score.r)),
         articulation=(
-            articulation_of(
+            score_articulation(
                 task.case, task.row, reference, surface, task.protocol.headline.relative
             )
             if valid
@@ -150,15 +150,15 @@ def _reference_picture(task: CaseTask, size_wh: tuple[int, int]) -> Picture:
     path, recorded = task.folders.reference(task.case), task.case.truth.sha256.reference
     try:
         data = path.read_bytes()
-        found = hashlib.sha256(data).hexdigest()
-        if found == recorded:
+        digest = hashlib.sha256(data).hexdigest()
+        if digest == recorded:
             return resized_reference(data, recorded, size_wh)
-        found = found[:12]
+        digest = digest[:12]
     except (OSError, appearance.PictureError) as error:
-        found = cause(error)
+        digest = cause(error)
     raise BenchTruthError(
         f"the reference picture {path.name} is not the one truth.json has on record",
-        found=found,
+        found=digest,
         expected=recorded[:12],
         next_step="restore public/images",
     )
@@ -173,15 +173,15 @@ def _appearance(
     surface: Surface,
     points: PointMaps,
 ) -> tuple[Agreement, Appearance]:
-    found = appearance.agreement(render, picture)
-    hits = found.hits(task.protocol.delta)
+    agreement = appearance.agreement(render, picture)
+    hits = agreement.hits(task.protocol.delta)
     agrees = _same_ray(reference, surface, points, task.protocol.headline.relative)
-    agrees = agrees[appearance.raster_pixel_of(hits.shape, agrees.shape)]
+    agrees = agrees[appearance.raster_indices(hits.shape, agrees.shape)]
     floor = task.case.truth.noise_floor
-    return found, Appearance(
+    return agreement, Appearance(
         n_px=hits.size,
         n_hits=int(np.count_nonzero(hits)),
-        curve=appearance.curve(found, task.protocol.delta),
+        curve=appearance.curve(agreement, task.protocol.delta),
         where_geometry_agrees=_share(hits, agrees),
         n_geometry_agrees_px=int(np.count_nonzero(agrees)),
         where_geometry_differs=_share(hits, ~agrees),
@@ -225,7 +225,7 @@ def _flags(
         flags += integrity.scene_flags(facts, surface.textures, picture, thresholds)
         if seen is not None and surface.plane is not None:
             hits = seen[0].hits(task.protocol.delta)
-            rows = appearance.raster_pixel_of(hits.shape, surface.plane.shape)
+            rows = appearance.raster_indices(hits.shape, surface.plane.shape)
             flags += integrity.plane_flags(facts, surface.plane[rows], hits, thresholds)
     if seen is not None:
         flags += integrity.score_flags(r, seen[1].n_hits / seen[1].n_px, thresholds)

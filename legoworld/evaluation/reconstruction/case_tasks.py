@@ -15,7 +15,7 @@ from legoworld.evaluation.reconstruction.case import CaseTask, score_case, zero_
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, BenchUnseenError
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
-from legoworld.workers.tasks import WorkerPool, results_of
+from legoworld.workers.tasks import WorkerPool, map_items
 
 #: Fewer cases than this are scored by the time that other processes have started.
 _FEW: Final = 16
@@ -30,7 +30,7 @@ class SeenTask:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scored:
+class CaseResult:
     """A row, or what was raised instead of it, in words."""
 
     row: ReconstructionRow | None
@@ -39,20 +39,20 @@ class Scored:
 
 def seen_tasks(tasks: Sequence[CaseTask]) -> list[SeenTask]:
     """Tasks with the sizes of the files that each of them reads."""
-    found = []
+    listed = []
     for task in tasks:
         row, case, folders = task.row, task.case, task.folders
         named = [task.run / f.file for f in (row.surface, row.render) if f is not UNSET]
         paths = [*named, folders.arrays("raster", case), folders.reference(case)]
         sizes = {path: path.stat().st_size for path in paths if path.is_file()}
-        found.append(SeenTask(task=task, sizes_bytes=sizes))
-    return found
+        listed.append(SeenTask(task=task, sizes_bytes=sizes))
+    return listed
 
 
 def scored_cases(tasks: Sequence[SeenTask], pool: WorkerPool) -> Iterator[ReconstructionRow]:
     """Every case's row, in the tasks' order. A case that fails twice is a row of zeros."""
     used = pool.for_work(worth_a_process=len(tasks) >= _FEW)
-    for seen, scored in zip(tasks, results_of(score_seen, tasks, used), strict=True):
+    for seen, scored in zip(tasks, map_items(score_seen, tasks, used), strict=True):
         if scored.row is None:
             scored = _again(seen)
         if scored.row is not None:
@@ -66,18 +66,18 @@ def scored_cases(tasks: Sequence[SeenTask], pool: WorkerPool) -> Iterator[Recons
             )
 
 
-def _again(seen: SeenTask) -> Scored:
+def _again(seen: SeenTask) -> CaseResult:
     """Once more, in a fresh process."""
     fresh = WorkerPool(engine="local", workers=2)
-    return next(iter(results_of(score_seen, [seen], fresh)))
+    return next(iter(map_items(score_seen, [seen], fresh)))
 
 
-def score_seen(seen: SeenTask) -> Scored:
+def score_seen(seen: SeenTask) -> CaseResult:
     """Score one case. BenchUnseenError where the command's files are not to be seen here."""
     refuse_unseen(seen.sizes_bytes, f"the files of {seen.task.row.file_name}", BenchUnseenError)
     try:
-        return Scored(row=score_case(seen.task), error=None)
+        return CaseResult(row=score_case(seen.task), error=None)
     except BenchTruthError:
         raise
     except Exception as error:  # noqa: BLE001  the case is tried again, then a row of zeros
-        return Scored(row=None, error=one_line(f"{type(error).__name__}: {error}", 200))
+        return CaseResult(row=None, error=one_line(f"{type(error).__name__}: {error}", 200))

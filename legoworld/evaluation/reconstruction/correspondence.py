@@ -73,8 +73,8 @@ def of_clouds(
     reference_m: F64, reference_label: Labels, submitted_m: F64, submitted_label: Labels
 ) -> Correspondence:
     """Of any two clouds, (N, 3) and (M, 3), with their labels, -1 for none: slower, as exact."""
-    reference_m, reference_label = _labelled(reference_m, reference_label)
-    submitted_m, submitted_label = _labelled(submitted_m, submitted_label)
+    reference_m, reference_label = _select_labelled(reference_m, reference_label)
+    submitted_m, submitted_label = _select_labelled(submitted_m, submitted_label)
     ref = np.full(len(reference_m), np.inf)
     sub = np.full(len(submitted_m), np.inf)
     nearest_z = np.ones(len(submitted_m))
@@ -93,6 +93,6 @@ def of_clouds(
     )
 
 
-def _labelled(points_m: F64, label: Labels) -> tuple[F64, NDArray[np.int32]]:
+def _select_labelled(points_m: F64, label: Labels) -> tuple[F64, NDArray[np.int32]]:
     kept = label >= 0
     return points_m[kept], label[kept]

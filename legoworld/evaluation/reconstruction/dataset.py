@@ -88,11 +88,11 @@ def read_dataset(private: Path) -> BenchDataset:
         folders.track,
         "DATASET/public beside DATASET/private, as `bench make` wrote",
     )
-    found = sha256_of_file(folders.track)
-    if found != truth.track_sha256:
+    digest = sha256_of_file(folders.track)
+    if digest != truth.track_sha256:
         raise BenchTruthError(
             "the private half is of another dataset, or its track was edited",
-            found=f"public/track.json {found[:12]}",
+            found=f"public/track.json {digest[:12]}",
             expected=f"{truth.track_sha256[:12]}, as private/{TRUTH} has on record",
             next_step="use both halves of one `legoworld bench make`, unchanged",
         )
@@ -104,7 +104,7 @@ def read_dataset(private: Path) -> BenchDataset:
             expected="every image in both",
         )
     cases = {i.id: BenchCase(image=i, truth=truth.images[str(i.id)]) for i in track.images}
-    return BenchDataset(folders=folders, truth=truth, track_sha256=found, cases=cases)
+    return BenchDataset(folders=folders, truth=truth, track_sha256=digest, cases=cases)
 
 
 def check_run(dataset: BenchDataset, name: str, track_sha256: str | None, ids: list[int]) -> None:

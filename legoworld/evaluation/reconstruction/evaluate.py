@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from legoworld.evaluation.bootstrap import check_draws
-from legoworld.evaluation.opening import HERE, Origins, prepared_inputs
+from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
@@ -18,7 +18,7 @@ from legoworld.evaluation.reconstruction.dataset import (
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
 from legoworld.evaluation.reconstruction.reference import check_sampling
-from legoworld.evaluation.reconstruction.submission import BenchRun, files_of, read_bench_run
+from legoworld.evaluation.reconstruction.submission import BenchRun, list_files, read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.evaluation.run import run_view
 from legoworld.records.folders.evaluation_folder import (
@@ -26,7 +26,7 @@ from legoworld.records.folders.evaluation_folder import (
     installed_versions,
     write_evaluation,
 )
-from legoworld.records.folders.run_reading import ROWS, RUN
+from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.reconstruction import BenchConfiguration, BenchEvidence
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
@@ -75,7 +75,7 @@ def evaluate_bench(
         kind=bench_run.kind,
         partial=bench_run.run.partial,
         protocol=protocol,
-        settings=settings_of(bench_run, dataset, choices, draws, seed),
+        settings=summary_settings(bench_run, dataset, choices, draws, seed),
     )
     evidence = BenchEvidence(
         versions=installed_versions("pillow"),
@@ -116,7 +116,7 @@ def case_tasks(
     ]
 
 
-def settings_of(
+def summary_settings(
     run: BenchRun, dataset: BenchDataset, choices: Choices, draws: int, seed: int
 ) -> Settings:
     """What the summary says of how it was made."""
@@ -148,7 +148,7 @@ def _inputs(run: BenchRun, dataset: BenchDataset, choices: Choices) -> list[tupl
     folder, folders = run.run.folder, dataset.folders
     cases = [dataset.cases[row.image_id] for row in run.rows]
     paths: list[tuple[str, Path]] = [("run", folder / RUN), ("run_rows", folder / ROWS)]
-    paths += [("submission", path) for path in files_of(folder, run.rows)]
+    paths += [("submission", path) for path in list_files(folder, run.rows)]
     paths += [("truth", folders.private / TRUTH), ("track", folders.track)]
     for case in cases:
         kinds = ["raster"] if case.truth.sha256.raster is not None else ["depth", "instances"]

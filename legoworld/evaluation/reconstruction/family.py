@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final, cast
 
 from legoworld.evaluation.checks import Check
-from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Recorded
+from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, RecordedEvaluation
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.text import (
@@ -39,7 +39,7 @@ def _evaluate(request: EvaluationRequest) -> ReconstructionSummary:
     )
 
 
-def _verify(recorded: Recorded) -> Iterator[Check]:
+def _verify(recorded: RecordedEvaluation) -> Iterator[Check]:
     evidence = cast("BenchEvidence", recorded.evidence)
     summary = cast("ReconstructionSummary", recorded.summary)
     rows = cast("list[ReconstructionRow]", recorded.rows)

@@ -49,10 +49,10 @@ def scores(pairs: Correspondence, objects: int, tolerance: Tolerance) -> list[Sc
     hit_ref = pairs.reference_distance_m <= tolerance.tau_m(pairs.reference_z_m)
     hit_sub = pairs.submitted_distance_m <= tolerance.tau_m(pairs.nearest_z_m)
     columns = (
-        _counted(pairs.reference_label, objects),
-        _counted(pairs.submitted_label, objects),
-        _counted(pairs.reference_label[hit_ref], objects),
-        _counted(pairs.submitted_label[hit_sub], objects),
+        _count_labels(pairs.reference_label, objects),
+        _count_labels(pairs.submitted_label, objects),
+        _count_labels(pairs.reference_label[hit_ref], objects),
+        _count_labels(pairs.submitted_label[hit_sub], objects),
     )
     return [
         Score(n_reference=g, n_submitted=q, reference_hits=hit_g, submitted_hits=hit_q)
@@ -67,22 +67,22 @@ def scores_on_rasters(
     tolerances: Sequence[Tolerance],
 ) -> list[list[Score]]:
     """`scores` of two surfaces at each tolerance, without any distance: several times as fast."""
-    found = hits_between(reference, submitted, objects, tolerances)
-    sizes = list(zip(found.n_a.tolist(), found.n_b.tolist(), strict=True))
+    hits = hits_between(reference, submitted, objects, tolerances)
+    sizes = list(zip(hits.n_a.tolist(), hits.n_b.tolist(), strict=True))
     return [
         [
             Score(n_reference=g, n_submitted=q, reference_hits=hit_g, submitted_hits=hit_q)
             for (g, q), hit_g, hit_q in zip(sizes, of_g, of_q, strict=True)
         ]
-        for of_g, of_q in zip(found.a.T.tolist(), found.b.T.tolist(), strict=True)
+        for of_g, of_q in zip(hits.a.T.tolist(), hits.b.T.tolist(), strict=True)
     ]
 
 
-def mean_f1(found: list[Score]) -> float | None:
+def mean_f1(scores: list[Score]) -> float | None:
     """R: the unweighted mean of F over eligible objects, those that have a reference point."""
-    values = [score.f1 for score in found if score.n_reference]
+    values = [score.f1 for score in scores if score.n_reference]
     return float(np.mean(values)) if values else None
 
 
-def _counted(label: Labels, objects: int) -> NDArray[np.int64]:
+def _count_labels(label: Labels, objects: int) -> NDArray[np.int64]:
     return np.bincount(label, minlength=objects)

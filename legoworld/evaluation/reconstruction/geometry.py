@@ -90,13 +90,13 @@ def geometry_score(
     objects, tolerances = len(case.truth.scored), (protocol.headline, *protocol.others)
     if choices.sampling == RASTER:
         submitted = _grid(reference, surface.depth_z_m)
-        found = scores_on_rasters(_grid(reference), submitted, objects, tolerances)
+        f_scores = scores_on_rasters(_grid(reference), submitted, objects, tolerances)
     else:
         pairs = _other_sampling(folders, case, reference, surface, protocol, choices.sampling)
-        found = [scores(pairs, objects, tolerance) for tolerance in tolerances]
+        f_scores = [scores(pairs, objects, tolerance) for tolerance in tolerances]
     main, others = (
-        found[0],
-        {t.name: one for t, one in zip(protocol.others, found[1:], strict=True)},
+        f_scores[0],
+        {t.name: one for t, one in zip(protocol.others, f_scores[1:], strict=True)},
     )
     r = mean_f1(main) or 0.0
     diagnostics, registration = None, None
@@ -170,7 +170,7 @@ def _diagnostics(
     voxels = voxel_ious(ours, theirs, edges_m)
     scale = aligned.median_scaled(reference.depth_z_m, depth, g & q)
     shift = aligned.disparity_fitted(reference.depth_z_m, depth, g & q)
-    found = Diagnostics(
+    diagnostics = Diagnostics(
         object_union=precision_recall(of_objects[0]),
         visible_scene=precision_recall(scores(visible, 1, protocol.headline)[0]),
         chamfer_l1_half_sum_over_reference_visible_box_diagonal=chamfer_over_diagonal(
@@ -181,15 +181,15 @@ def _diagnostics(
         voxel_iou_10cm=voxels[1],
         R_median_scale=_r_of_depth(reference, scale, protocol, objects),
         R_disparity_scale_shift=_r_of_depth(reference, shift, protocol, objects),
-        R_rigid=_r(reference, _moved(reference, depth, theirs, motion), protocol, objects)
+        R_rigid=_r(reference, _move_surface(reference, depth, theirs, motion), protocol, objects)
         if motion
         else None,
         R_own_intrinsics=_r_own(reference, surface, protocol, objects, r),
     )
-    return found, motion.registration if motion else None
+    return diagnostics, motion.registration if motion else None
 
 
-def _moved(
+def _move_surface(
     reference: Reference, depth_z_m: Depth, submitted_m: F64, motion: aligned.Motion
 ) -> GridSurface:
     """The submitted points after a motion, each in the mask of the pixel it then projects to.
@@ -197,7 +197,7 @@ def _moved(
     submitted_m: (N, 3) those of the depth, in raster order.
     """
     raster, q = reference.raster, finite_points(depth_z_m)
-    pixel = pixel_of_points(motion.moved(submitted_m), raster)
+    pixel = pixel_of_points(motion.apply(submitted_m), raster)
     label = np.full(q.shape, -1, np.int32)
     label[q] = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
     rows = np.column_stack([motion.rotation, motion.translation_m])

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.reconstruction.appearance import Picture, resized
+from legoworld.evaluation.reconstruction.appearance import Picture, resize_picture
 from legoworld.evaluation.reconstruction.points import Flags
 from legoworld.records.reconstruction_rows import Flag, FlagKind
 from legoworld.records.submission import ImageTexture, Integrity
@@ -44,7 +44,7 @@ def scene_flags(
     """Flags of what the opened scene holds. thumbnails: (N, h, w, 3), reference: (H, W, 3)."""
     flags: list[Flag] = []
     if len(thumbnails) and reference is not None:
-        small = resized(reference, (thumbnails.shape[2], thumbnails.shape[1]))
+        small = resize_picture(reference, (thumbnails.shape[2], thumbnails.shape[1]))
         for image in facts.images:
             if image.thumbnail is None or image.thumbnail >= len(thumbnails):
                 continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.reconstruction.articulation import Present, counted, none_found
+from legoworld.evaluation.reconstruction.articulation import Present, count_joints, none_found
 from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
 from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
@@ -24,7 +24,7 @@ def not_valid(case: BenchCase) -> Articulation | UnsetType:
     return UNSET if joints is UNSET else none_found(joints, _names(case))
 
 
-def articulation_of(
+def score_articulation(
     case: BenchCase, row: BenchRow, reference: Reference, surface: Surface, relative: float
 ) -> Articulation | UnsetType:
     """Of a compared submission; UNSET where the reference has no joint, or none were looked for.
@@ -36,7 +36,7 @@ def articulation_of(
         return UNSET
     submitted = () if row.joints is UNSET else row.joints
     present = _present(case, joints, reference, surface, relative)
-    return counted(joints, _names(case), submitted, present, articulation_rules())
+    return count_joints(joints, _names(case), submitted, present, articulation_rules())
 
 
 def _names(case: BenchCase) -> dict[int, str]:
@@ -62,16 +62,16 @@ def _present(
         tau = tolerance.tau_m(reference.depth_z_m.astype(np.float64))
         hits = np.sqrt(near.squared_m2) <= tau
     place = {scored.id: k for k, scored in enumerate(case.truth.scored)}
-    found = []
+    present = []
     for joint in joints:
         if joint.object_id is None or joint.box_cam_m is None:
-            found.append(Present(object=None, part=None))
+            present.append(Present(object=None, part=None))
             continue
         of_object = known & (reference.label == place[joint.object_id])
         low, high = _bounds(joint.box_cam_m)
         in_box = of_object & (points >= low).all(axis=2) & (points <= high).all(axis=2)
-        found.append(Present(object=_share(hits, of_object), part=_share(hits, in_box)))
-    return found
+        present.append(Present(object=_share(hits, of_object), part=_share(hits, in_box)))
+    return present
 
 
 def _bounds(box_cam_m: tuple[Vector, Vector]) -> tuple[F64, F64]:

@@ -64,7 +64,7 @@ def headline(tolerances: Sequence[str]) -> tuple[Measure, ...]:
     )
 
 
-def mean_of(
+def compute_mean(
     measure: Measure, rows: Sequence[ReconstructionRow], draws: Draws | None = None
 ) -> Mean:
     """A measure's mean. Undefined where there is no case, or a case that lacks the number.
@@ -93,24 +93,24 @@ def family_means(values: F64, rows: Sequence[ReconstructionRow], draws: Draws) -
     return resampled_means(values, column, draws.counts)
 
 
-def means_of(
+def compute_means(
     measures: Sequence[Measure], rows: Sequence[ReconstructionRow], draws: Draws | None
 ) -> Means:
     """Every measure's mean, by name."""
-    return {measure.name: mean_of(measure, rows, draws) for measure in measures}
+    return {measure.name: compute_mean(measure, rows, draws) for measure in measures}
 
 
 def diagnostic_means(rows: Sequence[ReconstructionRow]) -> Means:
     """Means of diagnostics over the valid cases that have them, each with its own denominator."""
     valid = [row for row in rows if row.valid and row.status == COMPARED]
-    found: dict[str, list[float]] = {}
+    by_name: dict[str, list[float]] = {}
     for row in valid:
         for name, value in _diagnostics(row).items():
             if value is not None:
-                found.setdefault(name, []).append(value)
+                by_name.setdefault(name, []).append(value)
     return {
         name: Mean(value=float(np.mean(values)), n=len(values), over="valid", interval=None)
-        for name, values in sorted(found.items())
+        for name, values in sorted(by_name.items())
     }
 
 
@@ -131,7 +131,7 @@ def _diagnostics(row: ReconstructionRow) -> dict[str, float | None]:
     return values
 
 
-def groups_of(
+def compute_group_means(
     measures: Sequence[Measure], rows: Sequence[ReconstructionRow], draws: int, seed: int
 ) -> Groups:
     """The same means in every group; a group's intervals are over its own families."""
@@ -159,7 +159,7 @@ def _group(
 ) -> Group:
     families = len({row.family for row in rows})
     drawn = family_draws(rows, draws, seed) if families > 1 else None  # one has no interval
-    return Group(cases=len(rows), families=families, metrics=means_of(measures, rows, drawn))
+    return Group(cases=len(rows), families=families, metrics=compute_means(measures, rows, drawn))
 
 
 def group_order(name: str) -> tuple[int, str]:

@@ -88,18 +88,18 @@ def nearest_between(
     """
     shape = a.raster.height, a.raster.width
     call = _Call(a, b, _labels(a, b), tolerances, lanes)
-    found = [
+    nearest = [
         Nearest(squared_m2=np.full(shape, np.inf), index=np.full(shape, -1, np.int32))
         for _ in range(2)
     ]
     check(
         library().lw_nearest(
             *call.arguments(),
-            pointer(found[0].squared_m2), pointer(found[0].index),
-            pointer(found[1].squared_m2), pointer(found[1].index),
+            pointer(nearest[0].squared_m2), pointer(nearest[0].index),
+            pointer(nearest[1].squared_m2), pointer(nearest[1].index),
         )
     )  # fmt: skip
-    return found[0], found[1]
+    return nearest[0], nearest[1]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from PIL import __version__ as pillow_version
 
-from legoworld.evaluation.reconstruction.appearance import Picture, decoded, resized
+from legoworld.evaluation.reconstruction.appearance import Picture, decode_picture, resize_picture
 from legoworld.files import atomic_path, sha256_of_text
 from legoworld.scene.cache import default_cache_folder
 
@@ -28,7 +28,7 @@ def resized_reference(data: bytes, sha256: str, size_wh: tuple[int, int]) -> Pic
     kept = _read(path, size_wh)
     if kept is not None:
         return kept
-    made = resized(decoded(data), size_wh)
+    made = resize_picture(decode_picture(data), size_wh)
     _write(path, made)
     return made
 
@@ -39,10 +39,10 @@ def _read(path: Path, size_wh: tuple[int, int]) -> Picture | None:
         content, digest = stored[:-64], stored[-64:]
         if _sha256(content) != digest.decode("ascii"):
             return None
-        found = np.load(io.BytesIO(content), allow_pickle=False)
+        picture = np.load(io.BytesIO(content), allow_pickle=False)
     except (OSError, ValueError, EOFError):
         return None
-    return found if found.shape == (size_wh[1], size_wh[0], 3) else None
+    return picture if picture.shape == (size_wh[1], size_wh[0], 3) else None
 
 
 def _sha256(data: bytes) -> str:

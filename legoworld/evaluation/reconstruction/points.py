@@ -32,7 +32,7 @@ class Raster:
     height: int
 
 
-def raster_of(size_wh: tuple[int, int], hfov_deg: float, raster_wh: tuple[int, int]) -> Raster:
+def picture_raster(size_wh: tuple[int, int], hfov_deg: float, raster_wh: tuple[int, int]) -> Raster:
     """The raster of a whole picture, which has square pixels and its principal point in the middle.
 
     size_wh: the picture's; hfov_deg: its horizontal field of view.
@@ -46,8 +46,8 @@ def raster_of(size_wh: tuple[int, int], hfov_deg: float, raster_wh: tuple[int, i
 def finite_points(depth_z_m: NDArray[Any], limit_m: float = math.inf) -> Flags:
     """Where a depth is a point: finite, above 0 and below the limit."""
     with np.errstate(invalid="ignore"):
-        found: Flags = np.isfinite(depth_z_m) & (depth_z_m > 0) & (depth_z_m < limit_m)
-    return found
+        finite: Flags = np.isfinite(depth_z_m) & (depth_z_m > 0) & (depth_z_m < limit_m)
+    return finite
 
 
 def points_m(depth_z_m: Depth, raster: Raster) -> F64:
@@ -74,6 +74,6 @@ def pixel_of_points(points_m: F64, raster: Raster) -> NDArray[np.int64]:
         rows = np.floor(raster.cy + raster.fy * y / z)
     inside = (z > 0) & (columns >= 0) & (columns < raster.width)
     inside &= (rows >= 0) & (rows < raster.height)
-    found = np.full(len(points_m), -1, np.int64)
-    found[inside] = (rows[inside] * raster.width + columns[inside]).astype(np.int64)
-    return found
+    pixels = np.full(len(points_m), -1, np.int64)
+    pixels[inside] = (rows[inside] * raster.width + columns[inside]).astype(np.int64)
+    return pixels

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.depth_files.reading import npz_arrays
+from legoworld.depth_files.read_depth import npz_arrays
 from legoworld.errors import UsageError, cause
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
@@ -21,8 +21,8 @@ from legoworld.evaluation.reconstruction.points import (
     Labels,
     Raster,
     finite_points,
+    picture_raster,
     points_m,
-    raster_of,
 )
 from legoworld.files import sha256_of_file
 
@@ -71,10 +71,10 @@ def check_sampling(text: str) -> str:
 
 def load_reference(folders: BenchFolders, case: BenchCase, limit_m: float) -> Reference:
     """Read and check the private arrays. BenchTruthError when they are not those on record."""
-    raster = raster_of(case.size_wh, case.image.hfov_deg, case.truth.raster_wh)
+    raster = picture_raster(case.size_wh, case.image.hfov_deg, case.truth.raster_wh)
     if case.truth.sha256.raster is not None:
         path = folders.arrays("raster", case)
-        arrays = _checked(path, case.truth.sha256.raster, ("depth_z_m", "instance"))
+        arrays = _load_checked(path, case.truth.sha256.raster, ("depth_z_m", "instance"))
         depth, instance = arrays["depth_z_m"], arrays["instance"]
         _require(path, depth, (raster.height, raster.width))
         _require(path, instance, (raster.height, raster.width))
@@ -85,7 +85,7 @@ def load_reference(folders: BenchFolders, case: BenchCase, limit_m: float) -> Re
     return Reference(
         raster=raster,
         depth_z_m=kept_depth(depth, limit_m),
-        label=labels_of(instance, case),
+        label=index_labels(instance, case),
         sampled=case.truth.sha256.raster is not None,
     )
 
@@ -95,14 +95,14 @@ def load_cloud(
 ) -> ReferenceCloud:
     """Every full-size reference point, or `cap` of them drawn without replacement."""
     whole, ids = _full_size(folders, case)
-    full = raster_of(case.size_wh, case.image.hfov_deg, case.size_wh)
-    depth, label = kept_depth(whole, limit_m), labels_of(ids, case)
+    full = picture_raster(case.size_wh, case.image.hfov_deg, case.size_wh)
+    depth, label = kept_depth(whole, limit_m), index_labels(ids, case)
     places = np.flatnonzero(finite_points(depth))
     drawn = _RANDOM.fullmatch(sampling)
     if drawn and len(places) > cap:
         random = np.random.default_rng(int(drawn[1]))
         places = np.sort(random.choice(places, cap, replace=False))
-    raster = raster_of(case.size_wh, case.image.hfov_deg, case.truth.raster_wh)
+    raster = picture_raster(case.size_wh, case.image.hfov_deg, case.truth.raster_wh)
     rows, columns = containing_pixels(case.size_wh, raster)
     return ReferenceCloud(
         points_m=points_m(depth, full).reshape(-1, 3)[places],
@@ -123,11 +123,11 @@ def containing_pixels(
 
 def kept_depth(depth_z_m: NDArray[Any], limit_m: float) -> Depth:
     """Float32 with +inf where a depth is no reference point."""
-    found = np.ascontiguousarray(depth_z_m, np.float32)
-    return np.where(finite_points(found, limit_m), found, np.float32(np.inf))
+    depth = np.ascontiguousarray(depth_z_m, np.float32)
+    return np.where(finite_points(depth, limit_m), depth, np.float32(np.inf))
 
 
-def labels_of(instance: NDArray[Any], case: BenchCase) -> Labels:
+def index_labels(instance: NDArray[Any], case: BenchCase) -> Labels:
     """Instance ids as positions in the case's scored objects, -1 for every other one."""
     ids = np.array([o.id for o in case.truth.scored], np.int64)
     order = np.argsort(ids)
@@ -141,18 +141,18 @@ def _full_size(folders: BenchFolders, case: BenchCase) -> tuple[NDArray[Any], ND
     found = []
     for kind, name in (("depth", "depth_z_m"), ("instances", "instance")):
         path = folders.arrays(kind, case)
-        array = _checked(path, getattr(case.truth.sha256, kind), (name,))[name]
+        array = _load_checked(path, getattr(case.truth.sha256, kind), (name,))[name]
         width, height = case.size_wh
         _require(path, array, (height, width))
         found.append(array)
     return found[0], found[1]
 
 
-def _checked(path: Path, sha256: str, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+def _load_checked(path: Path, sha256: str, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     """Arrays of an .npz whose hash is on record."""
     try:
-        found = sha256_of_file(path)
-        if found == sha256:
+        digest = sha256_of_file(path)
+        if digest == sha256:
             stored = npz_arrays(path, path.name, names)
             return {name: stored[name] for name in names}
     except (OSError, KeyError, DepthFileError) as error:
@@ -163,7 +163,7 @@ def _checked(path: Path, sha256: str, names: tuple[str, ...]) -> dict[str, NDArr
         ) from error
     raise BenchTruthError(
         f"{path.parent.name}/{path.name} is not the one truth.json has on record",
-        found=found[:12],
+        found=digest[:12],
         expected=sha256[:12],
         next_step="restore the private half",
     )

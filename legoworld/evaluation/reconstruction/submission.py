@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.depth_files.reading import npz_arrays
+from legoworld.depth_files.read_depth import npz_arrays
 from legoworld.errors import cause
-from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decoded
+from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decode_picture
 from legoworld.evaluation.reconstruction.errors import SubmissionFileError
 from legoworld.evaluation.reconstruction.points import Depth, Raster
-from legoworld.evaluation.run import Run, RunUnusableError, read_run_of
+from legoworld.evaluation.run import Run, RunUnusableError, read_family_run
 from legoworld.records.base import UNSET, RecordError, decode_lines
-from legoworld.records.folders.run_reading import ROWS
+from legoworld.records.folders.read_run import ROWS
 from legoworld.records.submission import BenchRow, RenderFile, SurfaceFile, WrittenFile
 from legoworld.tasks.shipped import RECONSTRUCTION
 
@@ -57,7 +57,7 @@ class Surface:
 
 def read_bench_run(folder: Path) -> BenchRun:
     """A bench run and its rows. RunUnusableError or UsageError otherwise."""
-    run = read_run_of(folder, RECONSTRUCTION, "a bench run")
+    run = read_family_run(folder, RECONSTRUCTION, "a bench run")
     try:
         rows = decode_lines(BenchRow, (folder / ROWS).read_bytes())
     except (OSError, RecordError) as error:
@@ -69,7 +69,7 @@ def read_bench_run(folder: Path) -> BenchRun:
     return BenchRun(run=run, rows=tuple(sorted(rows, key=lambda row: row.image_id)))
 
 
-def files_of(folder: Path, rows: Sequence[BenchRow]) -> list[Path]:
+def list_files(folder: Path, rows: Sequence[BenchRow]) -> list[Path]:
     """Surfaces and renders that the rows name and that are there."""
     named = [file for row in rows for file in (row.surface, row.render) if file is not UNSET]
     return [path for file in named if (path := folder / str(file.file)).is_file()]
@@ -85,7 +85,7 @@ def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
         return Surface(
             depth_z_m=depth,
             own_depth_z_m=None if own is None else _depth(own, raster),
-            own_raster=None if own is None else _own(arrays["own_intrinsics_px"], raster),
+            own_raster=None if own is None else _own_raster(arrays["own_intrinsics_px"], raster),
             plane=arrays.get("plane"),
             textures=arrays.get("textures", _NO_TEXTURES),
         )
@@ -102,7 +102,7 @@ def load_render(folder: Path, file: RenderFile) -> Picture:
     """The evaluator's render of one submission. SubmissionFileError."""
     data = _bytes(folder, file)
     try:
-        picture = decoded(data)
+        picture = decode_picture(data)
     except PictureError as error:
         raise SubmissionFileError(
             f"{file.file} cannot be decoded", found=str(error), expected="a PNG"
@@ -126,11 +126,11 @@ def _bytes(folder: Path, file: WrittenFile) -> bytes:
             expected="the file that the run wrote",
             next_step="run the readout again",
         ) from error
-    found = hashlib.sha256(data).hexdigest()
-    if found != file.sha256:
+    digest = hashlib.sha256(data).hexdigest()
+    if digest != file.sha256:
         raise SubmissionFileError(
             f"{file.file} is not the one the run wrote",
-            found=found[:12],
+            found=digest[:12],
             expected=file.sha256[:12],
             next_step="run the readout again",
         )
@@ -143,6 +143,6 @@ def _depth(array: NDArray[Any], raster: Raster) -> Depth:
     return np.ascontiguousarray(array, np.float32)
 
 
-def _own(intrinsics_px: NDArray[Any], raster: Raster) -> Raster:
+def _own_raster(intrinsics_px: NDArray[Any], raster: Raster) -> Raster:
     fx, fy, cx, cy = (float(x) for x in intrinsics_px)
     return Raster(fx=fx, fy=fy, cx=cx, cy=cy, width=raster.width, height=raster.height)

@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from legoworld.evaluation.bootstrap import LEVEL
-from legoworld.evaluation.reconstruction.articulation import articulation_score, summed
+from legoworld.evaluation.reconstruction.articulation import articulation_score, sum_counts
 from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds, view_drop
 from legoworld.evaluation.reconstruction.means import (
+    compute_group_means,
+    compute_means,
     diagnostic_means,
     family_draws,
-    groups_of,
     headline,
-    means_of,
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.records.articulation import ArticulationSummary
@@ -69,9 +69,9 @@ def summarise(
             valid=sum(row.valid for row in rows),
         ),
         protocol=_rules(protocol, settings),
-        metrics=means_of(measures, rows, draws),
+        metrics=compute_means(measures, rows, draws),
         diagnostics=diagnostic_means(rows),
-        groups=groups_of(measures, rows, settings.draws, settings.seed),
+        groups=compute_group_means(measures, rows, settings.draws, settings.seed),
         bootstrap=FamilyBootstrap(
             draws=settings.draws,
             seed=settings.seed,
@@ -89,11 +89,11 @@ def summarise(
 
 def _articulation(rows: Sequence[ReconstructionRow]) -> ArticulationSummary | UnsetType:
     """The pilot over the cases that have scored joints; UNSET where none has."""
-    found = [row.articulation for row in rows if row.articulation is not UNSET]
-    some = [one for one in found if any(j.outcome != "ignored" for j in one.joints)]
+    articulations = [row.articulation for row in rows if row.articulation is not UNSET]
+    some = [one for one in articulations if any(j.outcome != "ignored" for j in one.joints)]
     if not some:
         return UNSET
-    counts, rules = summed(some), articulation_rules()
+    counts, rules = sum_counts(some), articulation_rules()
     scores = [one.score for one in some if one.score is not None]
     return ArticulationSummary(
         **counts,
@@ -145,7 +145,7 @@ def _not_scored(row: ReconstructionRow) -> NotScored:
 
 def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> list[CaseFlag]:
     """Each case's own, then views of a family and tier whose A falls from the first one's."""
-    found = [_of_case(row, flag) for row in rows for flag in row.flags]
+    flags = [_of_case(row, flag) for row in rows for flag in row.flags]
     first: dict[tuple[str, str | None], ReconstructionRow] = {}
     for row in sorted(rows, key=lambda row: row.view):
         if not row.valid or row.A is None:
@@ -153,8 +153,8 @@ def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> lis
         before = first.setdefault((row.family, row.tier), row)
         if before is not row and before.A is not None:
             drop = view_drop(before.A, row.A, thresholds)
-            found += [_of_case(row, drop)] if drop else []
-    return sorted(found, key=lambda flag: (flag.image_id, flag.kind, flag.what))
+            flags += [_of_case(row, drop)] if drop else []
+    return sorted(flags, key=lambda flag: (flag.image_id, flag.kind, flag.what))
 
 
 def _of_case(row: ReconstructionRow, flag: Flag) -> CaseFlag:

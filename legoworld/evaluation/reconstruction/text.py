@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
-from legoworld.evaluation.short_text import bounds, evaluator_of, first_few, fraction
-from legoworld.pluralize import counted
+from legoworld.evaluation.short_text import bounds, describe_evaluator, first_few, fraction
+from legoworld.pluralize import plural
 from legoworld.records.reconstruction_summary import (
     Group,
     Means,
@@ -23,9 +23,9 @@ def short_bench(summary: ReconstructionSummary) -> str:
     """V, R, A, S with both averages and their denominators, A's noise, flags, what counts 0."""
     lines = [_title(summary), *_averages(summary.metrics), *_noise(summary), *_joints(summary)]
     if summary.flags:
-        cases = counted(len({flag.image_id for flag in summary.flags}), "case", "cases")
+        cases = plural(len({flag.image_id for flag in summary.flags}), "case", "cases")
         lines.append(
-            f"{counted(len(summary.flags), 'flag', 'flags')} in {cases}; no score was changed "
+            f"{plural(len(summary.flags), 'flag', 'flags')} in {cases}; no score was changed "
             "(-v lists all)"
         )
     few = first_few(_zeros(summary), "case that counts 0", "cases that count 0")
@@ -79,10 +79,10 @@ def _title(summary: ReconstructionSummary) -> str:
     sampling = "" if rules.reference_sampling == "raster" else f", {rules.reference_sampling}"
     partial = "; partial run" if summary.partial else ""
     return (
-        f"{evaluator_of(summary)}, bench{sampling}: "
-        f"{counted(coverage.attempted, 'case', 'cases')} attempted, {coverage.scored} compared, "
+        f"{describe_evaluator(summary)}, bench{sampling}: "
+        f"{plural(coverage.attempted, 'case', 'cases')} attempted, {coverage.scored} compared, "
         f"{coverage.valid} valid; intervals over "
-        f"{counted(summary.bootstrap.groups, 'family', 'families')}{partial}"
+        f"{plural(summary.bootstrap.groups, 'family', 'families')}{partial}"
     )
 
 
@@ -102,7 +102,7 @@ def noise_floor(noise: NoiseSummary) -> str:
     sd = f", sd {noise.reference_sd:.4f} between seeds" if noise.reference_sd else ""
     return (
         f"A's noise floor: the reference's own renders score {noise.reference_mean:.4f}{sd} "
-        f"({counted(noise.n_reference, 'case', 'cases')})"
+        f"({plural(noise.n_reference, 'case', 'cases')})"
     )
 
 
@@ -118,21 +118,21 @@ def _noise(summary: ReconstructionSummary) -> list[str]:
     if noise.two_seeds is not None:
         lines.append(
             f"two seeds of a submission's render differ at {noise.two_seeds:.2%} of the pixels "
-            f"({counted(noise.n_two_seeds, 'case', 'cases')})"
+            f"({plural(noise.n_two_seeds, 'case', 'cases')})"
         )
     return lines
 
 
 def _joints(summary: ReconstructionSummary) -> list[str]:
     """The articulation pilot, where a reference has joints."""
-    found = summary.articulation
-    if not found:
+    articulation = summary.articulation
+    if not articulation:
         return []
-    counts = ", ".join(f"{letter} {getattr(found, letter)}" for letter in "CWPOJE")
-    score = "-" if found.score is None else f"{found.score:.4f}"
+    counts = ", ".join(f"{letter} {getattr(articulation, letter)}" for letter in "CWPOJE")
+    score = "-" if articulation.score is None else f"{articulation.score:.4f}"
     return [
-        f"articulation (pilot {found.card_version}, in no score): {score} "
-        f"({counts}; {counted(found.cases, 'case', 'cases')})"
+        f"articulation (pilot {articulation.card_version}, in no score): {score} "
+        f"({counts}; {plural(articulation.cases, 'case', 'cases')})"
     ]
 
 
@@ -143,12 +143,12 @@ def _rows(found: Means) -> list[MetricRow]:
         MetricRow(
             name=name,
             number=number(found[name].value, found[name].interval),
-            over=f"{counted(found[name].n, 'case', 'cases')}, {found[name].over}",
+            over=f"{plural(found[name].n, 'case', 'cases')}, {found[name].over}",
         )
         for name in names
     ]
 
 
 def _size(group: Group) -> str:
-    families = counted(group.families, "family", "families")
-    return f"{counted(group.cases, 'case', 'cases')}, {families}"
+    families = plural(group.families, "family", "families")
+    return f"{plural(group.cases, 'case', 'cases')}, {families}"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.evaluation.agreement import agreement
-from legoworld.evaluation.checks import Check, located
+from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import read_dataset
@@ -18,7 +18,7 @@ from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.records.base import as_json
-from legoworld.records.folders.evaluation_reading import SUMMARY
+from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.reconstruction import BenchEvidence
 from legoworld.records.reconstruction_rows import ReconstructionRow
 from legoworld.records.reconstruction_summary import ReconstructionSummary
@@ -49,9 +49,9 @@ def bench_checks(
         ),
     )
     # All that the file says: a key that no reader knows follows from no row.
-    found, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
-    for key in sorted({*found, *recorded}):
-        yield agreement(f"{key} from the rows", found.get(key), recorded.get(key))
+    recomputed, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
+    for key in sorted({*recomputed, *recorded}):
+        yield agreement(f"{key} from the rows", recomputed.get(key), recorded.get(key))
     raw = {name: mean.value for name, mean in summary.metrics.items()}
     yield agreement("metrics in the evidence", evidence.metrics, raw)
 
@@ -74,6 +74,6 @@ def bench_rows(
 
 def _input(folder: Path, evidence: BenchEvidence, role: str, root: Path | None) -> Path:
     entry = next(entry for entry in evidence.inputs if entry.role == role)
-    path = located(folder, entry.path, root)
+    path = find_input(folder, entry.path, root)
     assert path is not None
     return path

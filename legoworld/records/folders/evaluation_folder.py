@@ -39,7 +39,8 @@ from legoworld.records.evaluation_summary import (
     Summary,
 )
 from legoworld.records.evidence import EvaluationEvidence, Input, ScoreConfiguration
-from legoworld.records.folders.evaluation_reading import (
+from legoworld.records.folders.input_hash import excluded_keys, hash_and_size
+from legoworld.records.folders.read_evaluation import (
     EVIDENCE,
     MATCHES,
     PER_CATEGORY,
@@ -49,7 +50,6 @@ from legoworld.records.folders.evaluation_reading import (
     EvaluationFolderError,
     read_evidence,
 )
-from legoworld.records.folders.input_hash import hash_and_size, without_of
 from legoworld.version import __version__
 
 #: Packages a score can depend on; those that are installed are named in evidence.json.
@@ -95,7 +95,7 @@ class Evaluation(Generic[S]):
 
 def input_file(role: str, path: Path) -> InputFile:
     """Hash an input file; a run's own document without its time."""
-    without = without_of(role)
+    without = excluded_keys(role)
     try:
         sha256, size = hash_and_size(path, without)
     except (ValueError, RecursionError) as error:

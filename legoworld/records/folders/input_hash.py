@@ -18,7 +18,7 @@ from legoworld.files import canonical_json, sha256_of_file
 TIMES: Final = ("finished_at",)
 
 
-def without_of(role: str) -> tuple[str, ...]:
+def excluded_keys(role: str) -> tuple[str, ...]:
     """The keys that the hash of an input leaves out."""
     return TIMES if role == "run" else ()
 

@@ -71,7 +71,7 @@ def stored_batches(files: Iterable[Path], kind: type[_P]) -> Iterator[list[_P]]:
             ) from error
 
 
-def predictions_of(
+def read_image_predictions(
     image_ids: Iterable[int], files: Iterable[Path]
 ) -> Iterator[tuple[Prediction, ...]]:
     """The predictions of each of these images; ids and files ascend, as a run writes them.
@@ -179,7 +179,7 @@ def _of_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     """Entries of a JSON list. RecordError for any other text, with the place in all of it."""
     done, many = 0, list[kind]  # type: ignore[valid-type]
     try:
-        for entries in _cut(stream, kind):
+        for entries in _split_list(stream, kind):
             yield entries
             done += len(entries)
     except RecordError:
@@ -187,7 +187,7 @@ def _of_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
         yield decode(many, stream.read())[done:]
 
 
-def _cut(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
+def _split_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     """Parts of a JSON list, cut where a line ends in an object and a comma.
 
     A cut is right exactly when what comes before it is a whole list of its own. RecordError where

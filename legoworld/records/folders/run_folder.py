@@ -28,14 +28,7 @@ from legoworld.records.folders.prediction_files import (
     present_files,
     write_predictions,
 )
-from legoworld.records.folders.row_files import FOLDERS, delete_files
-from legoworld.records.folders.run_journal import (
-    JOURNAL,
-    JournalledImage,
-    journal_records,
-    predictions_at,
-)
-from legoworld.records.folders.run_reading import (
+from legoworld.records.folders.read_run import (
     CONFIGURATION,
     ROWS,
     RUN,
@@ -45,6 +38,13 @@ from legoworld.records.folders.run_reading import (
     finished_records,
     hashes,
     recorded_configuration,
+)
+from legoworld.records.folders.row_files import FOLDERS, delete_files
+from legoworld.records.folders.run_journal import (
+    JOURNAL,
+    JournalledImage,
+    journal_records,
+    predictions_at,
 )
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary
 
@@ -58,7 +58,7 @@ _OF_A_RUN_ALONE: Final = {ROWS, JOURNAL, _LOCK}
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def lock_run(folder: Path) -> Iterator[None]:
     """Hold a run folder for this process alone. UsageError when another one has it."""
     refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -201,7 +201,9 @@ def _flat(values: Mapping[str, Json], prefix: str = "") -> Mapping[str, Json]:
     return flat
 
 
-def divided(configuration: Configuration, images_per_file: int | None) -> Configuration:
+def divide_configuration(
+    configuration: Configuration, images_per_file: int | None
+) -> Configuration:
     """The configuration of the same run with another division; None: one file of predictions."""
     return structs.replace(configuration, images_per_file=images_per_file or UNSET)
 

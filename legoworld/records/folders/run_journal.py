@@ -71,7 +71,7 @@ def append(stream: IO[bytes], record: ImageRecord) -> JournalledImage:
 
     Raises UnwritableRecordError for one that no JSON file can hold.
     """
-    line, places = _line_of(record, stream.tell())
+    line, places = _encode_line(record, stream.tell())
     try:
         while line:
             line = line[stream.write(line) :]
@@ -102,7 +102,7 @@ def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]
     with (folder / JOURNAL).open("rb") as stream:
         for place in places:
             stream.seek(place.line)
-            data = _data_of(stream.readline())
+            data = _check_line(stream.readline())
             if data is None:
                 raise JournalChangedError(
                     f"{JOURNAL} was changed while the run was writing it",
@@ -117,7 +117,7 @@ def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]
             yield texts
 
 
-def _line_of(record: ImageRecord, at: int) -> tuple[bytes, Places]:
+def _encode_line(record: ImageRecord, at: int) -> tuple[bytes, Places]:
     """The line of a record that is put at this place, and where its predictions are."""
     try:
         predictions = [canonical(p).encode("utf-8") for p in record.predictions]
@@ -137,14 +137,14 @@ def _line_of(record: ImageRecord, at: int) -> tuple[bytes, Places]:
 
 def _record_in(line: bytes) -> ImageRecord | None:
     """The record of a line; None for one that is not as it was written."""
-    data = _data_of(line)
+    data = _check_line(line)
     try:
         return None if data is None else decode(ImageRecord, data)
     except RecordError:  # of another version
         return None
 
 
-def _data_of(line: bytes) -> bytes | None:
+def _check_line(line: bytes) -> bytes | None:
     data, tab, checksum = line.rstrip(b"\n").rpartition(b"\t")
     return data if tab and checksum == b"%08x" % zlib.crc32(data) else None
 

@@ -95,7 +95,7 @@ def corner_values(
     attribute = mesh.attributes.get(name) if name else None
     shape = triangles.corners.shape
     if attribute is not None:
-        numbers = _stored(attribute, source)
+        numbers = _read_values(attribute, source)
         only_first = source.channel == "fac" and attribute.data_type == "FLOAT2"
         values = numbers[:, 0] if only_first else _channel(numbers, source.channel)
         at_corners: NDArray[np.float64] = values[_elements(mesh, attribute, triangles)]
@@ -111,7 +111,7 @@ def corner_values(
     return weights
 
 
-def _stored(attribute: bpy.types.Attribute, source: AttributeSource) -> NDArray[np.float64]:
+def _read_values(attribute: bpy.types.Attribute, source: AttributeSource) -> NDArray[np.float64]:
     """(N, 4) values: x, y, z and alpha, which is 1 where the type has none."""
     if attribute.data_type not in _STORED:
         kind = attribute.data_type.lower().replace("_", " ")

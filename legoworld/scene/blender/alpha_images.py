@@ -84,11 +84,11 @@ def _coordinates(source: Feed) -> tuple[str | None, Affine2]:
         return None, IDENTITY
     if node.type == "MAPPING" and source.input("Vector").node is not None:
         uv_map, inner = _coordinates(source.input("Vector"))
-        return uv_map, _after(inner, _mapping(source))
+        return uv_map, _after(inner, _mapping_matrix(source))
     raise UnreadableAlphaError(f"alpha texture coordinates come from a {node.bl_label} node")
 
 
-def _mapping(source: Feed) -> NDArray[np.float64]:
+def _mapping_matrix(source: Feed) -> NDArray[np.float64]:
     """The 4 x 4 matrix of a Mapping node whose inputs are constant."""
     vectors = {}
     for name in ("Location", "Rotation", "Scale"):

@@ -17,7 +17,7 @@ from legoworld.scene.blender.materials import (
     ImageAlpha,
     OneSided,
     SidedAlpha,
-    baked,
+    bake_alpha,
     image_value,
     material_rule,
 )
@@ -78,7 +78,7 @@ class AlphaTable:
             self._by_material[key] = self._number(self._with_images(rule, original.name, warnings))
         return self._by_material[key]
 
-    def rule_of(self, number: int) -> VaryingRule | None:
+    def find_rule(self, number: int) -> VaryingRule | None:
         """The rule behind a number; None for a constant."""
         return self.rules[number - _FIRST] if number >= _FIRST else None
 
@@ -144,7 +144,7 @@ class AlphaTable:
         value = self._value(cut.image.source)
         assert value is not None
         if isinstance(cut.image, ImageAlpha):
-            return baked(value, cut.image)
+            return bake_alpha(value, cut.image)
         share = cut.image.gain * value.astype(np.float64) + cut.image.offset
         return np.asarray(np.rint(np.clip(share, 0.0, 1.0) * 255.0), np.uint8)
 

@@ -49,30 +49,32 @@ class Curve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sided:
+class SidedValue:
     """A value that is another one on the back of a surface."""
 
     front: float | Curve
     back: float | Curve
 
 
-Value = float | Curve | Sided
+Value = float | Curve | SidedValue
 
 
-def lifted(operation: Callable[..., float], *values: Value) -> Value:
+def lift_operation(operation: Callable[..., float], *values: Value) -> Value:
     """An operation on numbers, applied to values.
 
     Raises UnreadableAlphaError where they depend on two sources, unless these are an image and an
     attribute and the result is linear in each of them.
     """
-    if any(isinstance(value, Sided) for value in values):
+    if any(isinstance(value, SidedValue) for value in values):
         front, back = (
-            lifted(operation, *(getattr(v, side) if isinstance(v, Sided) else v for v in values))
+            lift_operation(
+                operation, *(getattr(v, side) if isinstance(v, SidedValue) else v for v in values)
+            )
             for side in ("front", "back")
         )
-        assert not isinstance(front, Sided)
-        assert not isinstance(back, Sided)
-        return Sided(front=front, back=back)
+        assert not isinstance(front, SidedValue)
+        assert not isinstance(back, SidedValue)
+        return SidedValue(front=front, back=back)
     sources: list[Source] = []
     for value in values:
         if isinstance(value, Curve) and value.source not in sources:
@@ -132,22 +134,24 @@ def read_value(source: Feed) -> Value:
     if node.type in ("ATTRIBUTE", "VERTEX_COLOR"):
         return Curve(source=attribute_source(source), of=float)
     if node.type == "NEW_GEOMETRY" and source.output.name == "Backfacing":
-        return Sided(front=0.0, back=1.0)
+        return SidedValue(front=0.0, back=1.0)
     if node.type == "MATH" and node.operation in _MATH:
         operation, n_inputs = _MATH[node.operation]
-        result = lifted(operation, *(read_value(source.input(i)) for i in range(n_inputs)))
-        return lifted(clamped, result) if node.use_clamp else result
+        result = lift_operation(operation, *(read_value(source.input(i)) for i in range(n_inputs)))
+        return lift_operation(clamp, result) if node.use_clamp else result
     if node.type == "INVERT" and source.input("Color").node is not None:
         factor = read_value(source.input(0))
-        return lifted(lambda f, x: x + f * (1.0 - 2.0 * x), factor, read_value(source.input(1)))
+        return lift_operation(
+            lambda f, x: x + f * (1.0 - 2.0 * x), factor, read_value(source.input(1))
+        )
     if node.type == "MAP_RANGE" and node.data_type == "FLOAT":
         return _map_range(source)
     if node.type == "VALTORGB":
         return _ramp(source)
-    raise UnreadableAlphaError(f"alpha comes from a {_described(node)} node")
+    raise UnreadableAlphaError(f"alpha comes from a {_describe_node(node)} node")
 
 
-def clamped(value: float) -> float:
+def clamp(value: float) -> float:
     """The value, at least 0 and at most 1."""
     return min(1.0, max(0.0, value))
 
@@ -189,7 +193,7 @@ def _map_range(source: Feed) -> Value:
         result = to_0 + share * (to_1 - to_0)
         return min(max(result, min(to_0, to_1)), max(to_0, to_1)) if node.clamp else result
 
-    return lifted(mapped, *inputs)
+    return lift_operation(mapped, *inputs)
 
 
 def _ramp(source: Feed) -> Value:
@@ -213,10 +217,12 @@ def _ramp(source: Feed) -> Value:
         share: float = (x - x0) / (x1 - x0)
         return (1.0 - share) * value(first) + share * value(second)
 
-    return lifted(at, read_value(source.input("Fac" if "Fac" in source.node.inputs else "Factor")))
+    return lift_operation(
+        at, read_value(source.input("Fac" if "Fac" in source.node.inputs else "Factor"))
+    )
 
 
-def _described(node: bpy.types.Node) -> str:
+def _describe_node(node: bpy.types.Node) -> str:
     if node.type == "MATH":
         return f"Math ({node.operation.lower().replace('_', ' ')})"
     return str(node.bl_label)

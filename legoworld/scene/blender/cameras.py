@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 from legoworld.conventions import CV_FROM_BLENDER_CAMERA
 from legoworld.errors import NoCameraError, NonFiniteGeometryError, UnsupportedCameraError
-from legoworld.pluralize import counted
+from legoworld.pluralize import plural
 from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def refuse_missing_camera(scene: bpy.types.Scene) -> None:
     names = sorted(o.name for o in scene.objects if o.type == "CAMERA")
     raise NoCameraError(
         "the scene has no active camera",
-        found=f"{counted(len(names), 'camera object', 'camera objects')}, none active: "
+        found=f"{plural(len(names), 'camera object', 'camera objects')}, none active: "
         + ", ".join(names[:5])
         if names
         else "no camera object",

@@ -9,7 +9,7 @@ import bpy
 
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender.cameras import refuse_missing_camera
-from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.open_file import open_blend
 from legoworld.scene.blender.render_state import render_scene, rendered_view_layer
 from legoworld.scene.requests import CardRequest
 

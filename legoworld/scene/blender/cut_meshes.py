@@ -20,7 +20,7 @@ from legoworld.scene.blender.materials import (
     find_cut,
     one_sided_rule,
 )
-from legoworld.scene.blender.meshes import MeshCuts, Triangles, corner_uv, transformed
+from legoworld.scene.blender.meshes import MeshCuts, Triangles, corner_uv, transform_uv
 from legoworld.scene.blender.shader_links import UnreadableAlphaError
 from legoworld.scene.snapshot import Sides
 
@@ -64,7 +64,7 @@ class MeshCutter:
         """
         pieces: list[_Piece] = []
         for number in np.unique(rules).tolist():
-            place, varying = np.flatnonzero(rules == number), self.alphas.rule_of(number)
+            place, varying = np.flatnonzero(rules == number), self.alphas.find_rule(number)
             if varying is None:
                 pieces.append(_Piece(place=place, cut=-1))
                 continue
@@ -79,7 +79,7 @@ class MeshCutter:
                 except UnreadableAlphaError as error:
                     self.unread.add((number, str(error)))
                     pieces += self._pieces(triangles, place, "there", side)
-        return _joined(triangles, pieces)
+        return _join_pieces(triangles, pieces)
 
     def _pieces(
         self, triangles: Triangles, place: NDArray[np.int64], rule: OneSided, sides: Sides
@@ -184,7 +184,7 @@ class MeshCutter:
         values = corner_uv(self.mesh, image.source.uv_map, triangles.corners[place])
         if values is None:
             values = np.zeros((len(place), 3, 2), np.float32)
-        uv = transformed(values, image.source.uv_transform)
+        uv = transform_uv(values, image.source.uv_transform)
         if not np.isfinite(uv).all():
             self.warnings.add(
                 f"mesh {self.mesh.name!r} has texture coordinates that are NaN or infinite: "
@@ -204,7 +204,7 @@ def _at_constant(rule: AttributeAlpha, value: float) -> OneSided:
     return one_sided_rule(Curve(source=source.image, of=lambda i: of(source.at(i, value))))
 
 
-def _joined(triangles: Triangles, pieces: list[_Piece]) -> tuple[Triangles, MeshCuts | None]:
+def _join_pieces(triangles: Triangles, pieces: list[_Piece]) -> tuple[Triangles, MeshCuts | None]:
     place = np.concatenate([p.place for p in pieces]) if pieces else np.empty(0, np.int64)
     order = np.argsort(place, kind="stable")
     left = Triangles(

@@ -14,8 +14,13 @@ import mathutils
 
 from legoworld.records.base import canonical
 from legoworld.records.endpoint import CodeError
-from legoworld.scene.blender.printed import Printed
-from legoworld.scene.blender.programs import BlenderQuitError, Replaced, export_scene, pack_images
+from legoworld.scene.blender.programs import (
+    BlenderQuitError,
+    ReplacedOperator,
+    export_scene,
+    pack_images,
+)
+from legoworld.scene.blender.truncated_output import TruncatedOutput
 from legoworld.scene.folder import BLEND
 
 _MOST_OBJECTS: Final = 10
@@ -30,12 +35,12 @@ def execute_code(code: str) -> dict[str, Any]:
     Raises RuntimeError with a `CodeError` as JSON where the code raises. Leaving with exit code 0,
     or asking Blender to quit, is an end like any other.
     """
-    printed = Printed()
+    printed = TruncatedOutput()
 
     def no_quit(*_args: object, **_kwargs: object) -> set[str]:
         raise BlenderQuitError
 
-    bpy.ops.wm = Replaced(bpy.ops.wm, "quit_blender", no_quit)
+    bpy.ops.wm = ReplacedOperator(bpy.ops.wm, "quit_blender", no_quit)
     host = os.getpid()
     try:
         with contextlib.redirect_stdout(printed):

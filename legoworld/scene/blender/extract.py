@@ -12,7 +12,7 @@ from legoworld.scene.blender.alpha_table import AlphaTable, Cut
 from legoworld.scene.blender.cameras import refuse_missing_camera, scene_camera
 from legoworld.scene.blender.meshes import CopiedMesh, MeshCuts
 from legoworld.scene.blender.occurrences import Walk, walk
-from legoworld.scene.blender.opening import OpenFile, open_blend
+from legoworld.scene.blender.open_file import OpenFile, open_blend
 from legoworld.scene.blender.placements import resolve_placements
 from legoworld.scene.blender.render_state import rendered_view_layer, visit_render_state
 from legoworld.scene.blender.tree import scene_tree

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.blender.joints import joint_facts
-from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.open_file import open_blend
 
 #: Images with more pixels than this have no thumbnail: 256 MiB as bytes.
 _MOST_PIXELS: Final = 64 << 20

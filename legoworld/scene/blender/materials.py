@@ -22,13 +22,13 @@ from legoworld.scene.blender.alpha_images import ImageSource
 from legoworld.scene.blender.alpha_values import (
     Curve,
     ProductSource,
-    Sided,
+    SidedValue,
     Value,
-    clamped,
-    lifted,
+    clamp,
+    lift_operation,
     read_value,
 )
-from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError, feed
+from legoworld.scene.blender.shader_links import Feed, UnreadableAlphaError, find_feed
 
 if TYPE_CHECKING:
     import bpy
@@ -88,7 +88,7 @@ def material_rule(material: bpy.types.Material) -> tuple[AlphaRule, list[str]]:
     if not surface.is_linked:
         return ("gone" if volume.is_linked else "there"), warnings
     try:
-        shader = feed(surface)
+        shader = find_feed(surface)
         if shader.node is not None and shader.node.type == "HOLDOUT":
             return "holdout", warnings
         return alpha_rule(_shader_alpha(shader)), warnings
@@ -118,7 +118,7 @@ def image_value(image: bpy.types.Image, source: ImageSource) -> NDArray[np.float
     return luminance * alpha if source.channel == "premultiplied" else luminance
 
 
-def baked(value: NDArray[np.float32], rule: ImageAlpha) -> NDArray[np.uint8]:
+def bake_alpha(value: NDArray[np.float32], rule: ImageAlpha) -> NDArray[np.uint8]:
     """An image value turned into the alpha that `ALPHA_THRESHOLD` cuts where the rule does.
 
     The change is linear around the cut, so that it commutes with linear interpolation.
@@ -133,7 +133,7 @@ def baked(value: NDArray[np.float32], rule: ImageAlpha) -> NDArray[np.uint8]:
 
 def alpha_rule(alpha: Value) -> AlphaRule:
     """Where alpha reaches `ALPHA_THRESHOLD`. Raises UnreadableAlphaError unless one cut says it."""
-    if not isinstance(alpha, Sided):
+    if not isinstance(alpha, SidedValue):
         return one_sided_rule(alpha)
     front, back = one_sided_rule(alpha.front), one_sided_rule(alpha.back)
     return front if front == back else SidedAlpha(front=front, back=back)
@@ -205,11 +205,11 @@ def _shader_alpha(source: Feed) -> Value:
         first, second = _shader_alpha(source.input(1)), _shader_alpha(source.input(2))
         if isinstance(first, float) and first == second:
             return first
-        factor = lifted(clamped, read_value(source.input(0)))
-        return lifted(lambda f, a, b: (1.0 - f) * a + f * b, factor, first, second)
+        factor = lift_operation(clamp, read_value(source.input(0)))
+        return lift_operation(lambda f, a, b: (1.0 - f) * a + f * b, factor, first, second)
     if node.type == "ADD_SHADER":
         first, second = _shader_alpha(source.input(0)), _shader_alpha(source.input(1))
-        return lifted(lambda a, b: max(0.0, a + b - 1.0), first, second)
+        return lift_operation(lambda a, b: max(0.0, a + b - 1.0), first, second)
     if node.type == "HOLDOUT":
         raise UnreadableAlphaError("a Holdout shader mixed with others")
     return 1.0

@@ -25,7 +25,7 @@ class Triangles:
     vertices: NDArray[np.int32]
     corners: NDArray[np.int32]
 
-    def chosen(self, keep: NDArray[np.bool_]) -> Self:
+    def select(self, keep: NDArray[np.bool_]) -> Self:
         """Those triangles only."""
         return type(self)(vertices=self.vertices[keep], corners=self.corners[keep])
 
@@ -111,7 +111,7 @@ def corner_uv(
     return chosen
 
 
-def transformed(
+def transform_uv(
     uv: NDArray[np.float32], transform: tuple[float, float, float, float, float, float]
 ) -> NDArray[np.float32]:
     """(..., 2) texture coordinates after u' = a*u + b*v + c, v' = d*u + e*v + f."""

@@ -20,7 +20,7 @@ from legoworld.scene.blender.meshes import (
     triangle_materials,
 )
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
-from legoworld.scene.blender.placements import Generator, Identity, Seen
+from legoworld.scene.blender.placements import Generator, GraphEntry, Identity
 from legoworld.scene.blender.strands import hair_systems
 from legoworld.scene.blender.thin_meshes import ThinMeshes
 from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
@@ -40,7 +40,7 @@ _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
 class Walk:
     """Everything one walk over the dependency graph copied."""
 
-    seen: list[Seen] = field(default_factory=list)
+    seen: list[GraphEntry] = field(default_factory=list)
     meshes: list[CopiedMesh] = field(default_factory=list)
     alphas: AlphaTable = field(default_factory=AlphaTable)
     generators: dict[Identity, Generator] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class _Walker:
             path = tuple(i for i in instance.persistent_id if i != _UNUSED)[::-1]
             by_particles = instance.particle_system is not None
         matrix = instance.matrix_world
-        entry = Seen(
+        entry = GraphEntry(
             top=holder.identity,
             path=path,
             object=facts.identity,
@@ -102,16 +102,21 @@ class _Walker:
         )
         visible, held_out = _camera_sees(facts, holder), holder.holdout
         if visible and instance.show_self:
-            entry = self._shown(entry, shown, matrix, held_out=held_out)
+            entry = self._entry_with_shown(entry, shown, matrix, held_out=held_out)
         self.result.seen.append(entry)
         if visible and instance.show_particles and shown.type == "MESH" and _owns(real, shown):
             mesh, holdout = self.thin.hair(real, matrix, self._rules(shown), held_out=held_out)
             if mesh >= 0 or holdout >= 0:
                 self.result.seen.append(replace(entry, mesh=mesh, holdout_mesh=holdout))
 
-    def _shown(
-        self, entry: Seen, shown: bpy.types.Object, matrix: mathutils.Matrix, *, held_out: bool
-    ) -> Seen:
+    def _entry_with_shown(
+        self,
+        entry: GraphEntry,
+        shown: bpy.types.Object,
+        matrix: mathutils.Matrix,
+        *,
+        held_out: bool,
+    ) -> GraphEntry:
         """The entry with what it shows itself: its hair is not in it."""
         if shown.type == "MESH":
             mesh, holdout = self._mesh(shown, held_out=held_out)
@@ -198,8 +203,8 @@ class _Walker:
         if held_out:
             there, hidden = np.zeros_like(there), there | hidden
         return (
-            self._add(shown, vertices, triangles.chosen(there), rule[there], unread),
-            self._add(shown, vertices, triangles.chosen(hidden), rule[hidden], unread),
+            self._add(shown, vertices, triangles.select(there), rule[there], unread),
+            self._add(shown, vertices, triangles.select(hidden), rule[hidden], unread),
         )
 
     def _add(
@@ -246,7 +251,7 @@ def _owns(real: bpy.types.Object, shown: bpy.types.Object) -> bool:
     return bool(hair_systems(real)) and real.data.as_pointer() == shown.data.as_pointer()
 
 
-def _refuse_broken_matrices(seen: list[Seen]) -> None:
+def _refuse_broken_matrices(seen: list[GraphEntry]) -> None:
     shows = [s for s in seen if s.mesh >= 0 or s.holdout_mesh >= 0 or s.scatter is not None]
     rows = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
     broken = np.flatnonzero(~(np.abs(rows) <= LARGEST_COORDINATE).all(1))

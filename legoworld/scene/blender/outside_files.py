@@ -33,7 +33,7 @@ def refuse_irregular_libraries(blend: Path) -> None:
     with blend.open("rb") as stream:
         start = stream.read(4)
         stream.seek(0)
-        _refuse(_linked(blend.parent, _library_blocks(_unpacked(stream, start))))
+        _refuse(_linked_paths(blend.parent, _library_blocks(_open_unpacked(stream, start))))
 
 
 def irregular_files() -> list[tuple[str, Path]]:
@@ -99,7 +99,7 @@ def _irregular(paths: Iterable[Path]) -> Iterator[tuple[str, Path]]:
             yield kind_of_file(mode), path
 
 
-def _unpacked(stream: IO[bytes], start: bytes) -> Any:
+def _open_unpacked(stream: IO[bytes], start: bytes) -> Any:
     """The stream of a .blend's blocks, which reads and seeks forwards."""
     if start[:2] == _GZIP:
         return gzip.open(stream)
@@ -109,7 +109,7 @@ def _unpacked(stream: IO[bytes], start: bytes) -> Any:
     return stream
 
 
-def _linked(folder: Path, blocks: Iterable[bytes]) -> Iterator[Path]:
+def _linked_paths(folder: Path, blocks: Iterable[bytes]) -> Iterator[Path]:
     """Whatever may be a path in the blocks of libraries."""
     for block in blocks:
         for text in block.split(b"\0"):

@@ -36,7 +36,7 @@ class Scatter:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Seen:
+class GraphEntry:
     """One entry of the dependency graph, copied.
 
     top: the outermost instancer; the object itself when no instancer made it. path: outermost
@@ -80,7 +80,7 @@ class Placements:
 
 
 def resolve_placements(
-    seen: list[Seen],
+    seen: list[GraphEntry],
     generators: Mapping[Identity, Generator],
     object_index: Mapping[Identity, int],
 ) -> Placements:
@@ -95,7 +95,7 @@ def resolve_placements(
     surfaces = []
     scattered = []
     for entry in ordered:
-        occurrence = resolver.occurrence_of(entry)
+        occurrence = resolver.add_occurrence(entry)
         if entry.scatter is not None:
             scattered.append((occurrence, entry.scatter))
         if entry.mesh >= 0:
@@ -139,7 +139,7 @@ class _Resolver:
 
     def __init__(
         self,
-        ordered: list[Seen],
+        ordered: list[GraphEntry],
         generators: Mapping[Identity, Generator],
         object_index: Mapping[Identity, int],
     ) -> None:
@@ -147,8 +147,8 @@ class _Resolver:
         self._generators = generators
         self._object_index = object_index
         self._occurrence: dict[tuple[Identity, Path, Identity], int] = {}
-        self._last_placed: dict[tuple[int, Path], tuple[Seen, Path]] = {}
-        self._entries: dict[tuple[Identity, Path, Identity], Seen] = {}
+        self._last_placed: dict[tuple[int, Path], tuple[GraphEntry, Path]] = {}
+        self._entries: dict[tuple[Identity, Path, Identity], GraphEntry] = {}
         self._places: dict[tuple[Identity, Path], list[Identity]] = {}
         for s in ordered:
             self._entries.setdefault((s.top, s.path, s.object), s)
@@ -156,7 +156,7 @@ class _Resolver:
             if s.object not in at_place:
                 at_place.append(s.object)
 
-    def occurrence_of(self, entry: Seen) -> int:
+    def add_occurrence(self, entry: GraphEntry) -> int:
         """The row of an entry, created if new."""
         return self._occurrence_at(entry.top, entry.path, entry.object)
 
@@ -200,7 +200,7 @@ class _Resolver:
             return candidate in self._generators[shown].ancestors
         return generator.scatters
 
-    def _frame(self, entry: Seen, instancer: int, maker: Identity, steps: Path) -> Path:
+    def _frame(self, entry: GraphEntry, instancer: int, maker: Identity, steps: Path) -> Path:
         """What the members of one placement have in common, of the indices that lead to each.
 
         A collection instance: everything. Vertices, faces and particles: the whole path, one
@@ -219,7 +219,7 @@ class _Resolver:
         self._last_placed[group] = (entry, frame)
         return frame
 
-    def _moved_alike(self, one: Seen, other: Seen) -> bool:
+    def _moved_alike(self, one: GraphEntry, other: GraphEntry) -> bool:
         if one.object == other.object:
             return False
         first, second = self._movement(one), self._movement(other)
@@ -228,7 +228,7 @@ class _Resolver:
         scale = max(float(np.abs(first).max()), float(np.abs(second).max()))
         return bool(np.abs(first - second).max() <= _SAME * scale)
 
-    def _movement(self, entry: Seen) -> NDArray[np.float64] | None:
+    def _movement(self, entry: GraphEntry) -> NDArray[np.float64] | None:
         """The (4, 4) transform from where the object itself stands to where it was placed."""
         stands_at = self._generators[entry.object].stands_at
         if stands_at is None:

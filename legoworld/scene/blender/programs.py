@@ -34,7 +34,7 @@ class BlenderQuitError(BaseException):
     """Stands for the program's own call to quit Blender."""
 
 
-class Replaced:
+class ReplacedOperator:
     """A group of operators with one of them replaced.
 
     bpy.ops makes its groups anew at every access, so the replacement has to stand for the group.
@@ -118,8 +118,8 @@ def _run(program: Path, skipped: list[str]) -> ProgramError | None:
     def no_quit(*_args: object, **_kwargs: object) -> set[str]:
         raise BlenderQuitError
 
-    bpy.ops.render = Replaced(bpy.ops.render, "render", no_render)
-    bpy.ops.wm = Replaced(bpy.ops.wm, "quit_blender", no_quit)
+    bpy.ops.render = ReplacedOperator(bpy.ops.render, "render", no_render)
+    bpy.ops.wm = ReplacedOperator(bpy.ops.wm, "quit_blender", no_quit)
     # A program's exit() closes standard input, which is where the next request comes from.
     stdin, sys.stdin = sys.stdin, io.StringIO()
     arguments, sys.argv = sys.argv, ["blender", "--background", "--python", str(program)]

@@ -10,7 +10,7 @@ import bpy
 from legoworld.errors import NoCameraError, TiersNotNestedError
 from legoworld.scene.blender.joints import joint_facts
 from legoworld.scene.blender.objects import ancestors
-from legoworld.scene.blender.opening import open_blend
+from legoworld.scene.blender.open_file import open_blend
 from legoworld.scene.blender.programs import export_glb, pack_images
 from legoworld.scene.requests import CaseRequest
 
@@ -19,7 +19,7 @@ _TIERS: Final = ("easy", "medium", "hard")
 _FIXED: Final = ("LIGHT", "LIGHT_PROBE", "CAMERA", "SPEAKER")
 
 
-def cases_of(blend: Path) -> dict[str, Any]:
+def read_cases(blend: Path) -> dict[str, Any]:
     """The declared cases of a reference scene, as JSON values.
 
     views: names of cameras; tiers: those it has, or [None]; unscored: names of owners with a false
@@ -116,7 +116,9 @@ class _Tiers:
         counts = [0, 0, 0]
         for thing in self.things:
             counts[self.of(thing)] += 1
-        if not any(_declared(o) is not None for thing in self.things for o in self._owners(thing)):
+        if not any(
+            _declared_tier(o) is not None for thing in self.things for o in self._owners(thing)
+        ):
             return [None]
         for number in (1, 2):
             if not counts[number]:
@@ -128,8 +130,8 @@ class _Tiers:
 
     def of(self, thing: bpy.types.Object) -> int:
         """An object's tier: the latest of its own, its ancestors' and its collections'."""
-        own = _declared(thing)
-        outer = [(_declared(owner), owner.name) for owner in self._owners(thing)[1:]]
+        own = _declared_tier(thing)
+        outer = [(_declared_tier(owner), owner.name) for owner in self._owners(thing)[1:]]
         latest = max((tier for tier, _ in outer if tier is not None), default=0)
         if own is not None and own < latest:
             holder = next(name for tier, name in outer if tier == latest)
@@ -147,7 +149,7 @@ class _Tiers:
         return [*owners, *holding.values()]
 
 
-def _declared(owner: bpy.types.ID) -> int | None:
+def _declared_tier(owner: bpy.types.ID) -> int | None:
     value = owner.get("tier")
     if value is None:
         return None

@@ -87,7 +87,7 @@ class Settings:
         Objects, collections and scenes are named only: they are entities of their own. A struct
         that is met again on the way (a socket's node, say) is not described twice.
         """
-        return self._of(struct, set())
+        return self._read_struct(struct, set())
 
     def digest(self, block: bpy.types.ID) -> str:
         """Hash of a datablock's settings and of those that it uses; its name where it is within."""
@@ -97,14 +97,16 @@ class Settings:
             self._digests[place] = sha256_of_text(canonical_json(self.of(block)))
         return self._digests[place]
 
-    def _of(self, struct: bpy.types.bpy_struct, met: set[tuple[int, str]]) -> dict[str, Any]:
+    def _read_struct(
+        self, struct: bpy.types.bpy_struct, met: set[tuple[int, str]]
+    ) -> dict[str, Any]:
         values: dict[str, Any] = {}
         rna: Any = type(struct)
         for name, kind in _settings(rna):
             if kind == "POINTER":
-                values[name] = self._nested(getattr(struct, name), met)
+                values[name] = self._read_nested(getattr(struct, name), met)
             elif kind == "COLLECTION":
-                values[name] = [self._nested(item, met) for item in getattr(struct, name)]
+                values[name] = [self._read_nested(item, met) for item in getattr(struct, name)]
             else:
                 values[name] = _plain(getattr(struct, name))
         if isinstance(struct, bpy.types.NodeTree):
@@ -117,7 +119,7 @@ class Settings:
             values[CUSTOM] = custom
         return values
 
-    def _nested(self, value: Any, met: set[tuple[int, str]]) -> Any:
+    def _read_nested(self, value: Any, met: set[tuple[int, str]]) -> Any:
         if not isinstance(value, bpy.types.bpy_struct):
             return None if value is None else repr(value)
         if isinstance(value, bpy.types.Image):
@@ -133,7 +135,7 @@ class Settings:
         if place in met:
             return None
         met.add(place)
-        return self._of(value, met)
+        return self._read_struct(value, met)
 
 
 @functools.cache

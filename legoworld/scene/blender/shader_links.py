@@ -29,7 +29,7 @@ class Feed:
 
     def input(self, name: str | int) -> Feed:
         """What feeds one of the node's inputs."""
-        return feed(self.node.inputs[name], self.groups)
+        return find_feed(self.node.inputs[name], self.groups)
 
     def value(self) -> float:
         """The value of an unlinked socket, or of a Value node."""
@@ -43,7 +43,7 @@ class Feed:
         return self.node is None or self.node.type == "VALUE"
 
 
-def feed(socket: bpy.types.NodeSocket, groups: tuple[Any, ...] = ()) -> Feed:
+def find_feed(socket: bpy.types.NodeSocket, groups: tuple[Any, ...] = ()) -> Feed:
     """What feeds a socket of a node that lies in those groups. Raises UnreadableAlphaError."""
     while socket.is_linked:
         link = socket.links[0]
@@ -56,7 +56,7 @@ def feed(socket: bpy.types.NodeSocket, groups: tuple[Any, ...] = ()) -> Feed:
             groups = (*groups, node)
             socket = _group_result(node, link.from_socket.identifier)
         elif node.type == "GROUP_INPUT" and groups:
-            socket = _named(groups[-1].inputs, link.from_socket.identifier)
+            socket = _find_socket(groups[-1].inputs, link.from_socket.identifier)
             groups = groups[:-1]
         else:
             return Feed(socket, node, link.from_socket, groups)
@@ -66,11 +66,11 @@ def feed(socket: bpy.types.NodeSocket, groups: tuple[Any, ...] = ()) -> Feed:
 def _group_result(group: bpy.types.ShaderNodeGroup, identifier: str) -> Any:
     for node in group.node_tree.nodes:
         if node.type == "GROUP_OUTPUT" and node.is_active_output:
-            return _named(node.inputs, identifier)
+            return _find_socket(node.inputs, identifier)
     raise UnreadableAlphaError(f"the node group {group.node_tree.name!r} has no output")
 
 
-def _named(sockets: Iterable[bpy.types.NodeSocket], identifier: str) -> Any:
+def _find_socket(sockets: Iterable[bpy.types.NodeSocket], identifier: str) -> Any:
     for socket in sockets:
         if socket.identifier == identifier:
             return socket

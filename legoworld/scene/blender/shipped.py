@@ -31,18 +31,18 @@ def own_copy(path: str) -> Path | None:
 def read_own_copies() -> None:
     """Have the open file's libraries, fonts and pictures that ship with Blender read from it."""
     for library in list(bpy.data.libraries):
-        own = _misplaced(library)
+        own = _running_copy(library)
         if own is not None and is_needed(library):
             library.filepath = str(own)
             library.reload()
     for font in list(bpy.data.fonts):
-        own = _misplaced(font)
+        own = _running_copy(font)
         if own is not None:
             # A font whose path changes keeps its shapes: the curves get another one instead.
             font.user_remap(bpy.data.fonts.load(str(own), check_existing=False))
             bpy.data.fonts.remove(font)
     for image in list(bpy.data.images):
-        own = _misplaced(image)
+        own = _running_copy(image)
         if own is not None:
             image.filepath = str(own)
             image.reload()
@@ -55,7 +55,7 @@ def is_needed(library: bpy.types.Library) -> bool:
     return any(block.library == library for block in library.users_id)
 
 
-def _misplaced(block: bpy.types.ID) -> Path | None:
+def _running_copy(block: bpy.types.ID) -> Path | None:
     """The running Blender's copy of a block's file, where it names another Blender's."""
     if block.packed_file is not None or not block.filepath:
         return None

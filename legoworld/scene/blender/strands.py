@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import NonFiniteGeometryError
-from legoworld.scene.affine import inverse, length, transformed
+from legoworld.scene.affine import inverse, length, transform_points
 from legoworld.scene.hair.strands import Strands, usable
 from legoworld.scene.snapshot import LARGEST_COORDINATE
 
@@ -129,7 +129,7 @@ def _in_own_frame(holder: bpy.types.Object, world: NDArray[np.float64]) -> NDArr
         back = np.array(inverse(matrix[:3, :3].tolist()), np.float64)
     except ZeroDivisionError:
         return np.zeros_like(world)
-    return transformed(np.c_[back, np.zeros(3)], world - matrix[:3, 3])
+    return transform_points(np.c_[back, np.zeros(3)], world - matrix[:3, 3])
 
 
 def _radii(

@@ -20,7 +20,7 @@ from legoworld.scene.blender.strands import (
     hair_systems,
     particle_hair,
 )
-from legoworld.scene.hair.ribbons import Triangulated, joined, ribbons
+from legoworld.scene.hair.ribbons import Triangulated, join_meshes, ribbons
 from legoworld.scene.hair.spheres import sphere, sphere_levels
 from legoworld.scene.hair.strands import Eye, Strands
 from legoworld.scene.hair.tubes import linear_tubes, round_tubes
@@ -129,7 +129,7 @@ class ThinMeshes:
     ) -> tuple[bool, bool]:
         """Whether a material's surface is there, and whether it holds out; never both."""
         rules = np.array([rule], np.int32)
-        if self.alphas.rule_of(rule) is not None:
+        if self.alphas.find_rule(rule) is not None:
             self.warnings.add(
                 f"object {shown.original.name!r} has hair or points whose alpha comes from an "
                 "image, an attribute or the side that is seen: taken as opaque"
@@ -159,7 +159,7 @@ class ThinMeshes:
 
     def _add(self, parts: list[Triangulated]) -> int:
         """Keep parts as one mesh; -1 when they have no triangle."""
-        vertices, triangles = parts[0] if len(parts) == 1 else joined(parts)
+        vertices, triangles = parts[0] if len(parts) == 1 else join_meshes(parts)
         if not len(triangles):
             return -1
         self.meshes.append(CopiedMesh(vertices=vertices, triangles=triangles, cuts=None))

@@ -37,7 +37,7 @@ _ANIMATED: Final = ("cameras", "curves", "hair_curves", "lattices", "materials",
 
 
 @contextmanager
-def unwatched() -> Iterator[Callable[[], Any]]:
+def detach_viewport() -> Iterator[Callable[[], Any]]:
     """While the block opens a file, its scene is kept from the window where that changes nothing.
 
     Yields a function that returns the file's own scene once the file is open; None without one.

@@ -105,7 +105,7 @@ def _state(request: Request) -> dict[str, Any]:
     from legoworld.records.base import as_json
     from legoworld.scene.blender.entities import scene_states
     from legoworld.scene.blender.extract import snapshot_of_open
-    from legoworld.scene.blender.opening import open_blend
+    from legoworld.scene.blender.open_file import open_blend
     from legoworld.scene.snapshot import save
 
     opened = open_blend(Path(request["blend"]))
@@ -127,7 +127,7 @@ def _state(request: Request) -> dict[str, Any]:
 def _check(request: Request) -> dict[str, Any]:
     """Open a .blend that a program left; refused where it does not open or shows nothing."""
     from legoworld.scene.blender.cameras import refuse_missing_camera
-    from legoworld.scene.blender.opening import open_blend
+    from legoworld.scene.blender.open_file import open_blend
 
     refuse_missing_camera(open_blend(Path(request["blend"])).scene)
     return {}
@@ -161,10 +161,10 @@ def _facts(request: Request) -> dict[str, Any]:
 def _cases(request: Request) -> dict[str, Any]:
     """The cases of a reference scene."""
     from legoworld.scene.blender.dependencies import dependencies
-    from legoworld.scene.blender.reference_cases import cases_of
+    from legoworld.scene.blender.reference_cases import read_cases
 
     blend = Path(request["blend"])
-    return {"cases": cases_of(blend), "dependencies": dependencies(blend)}
+    return {"cases": read_cases(blend), "dependencies": dependencies(blend)}
 
 
 def _case(request: Request) -> dict[str, Any]:

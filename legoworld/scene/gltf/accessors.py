@@ -45,7 +45,7 @@ class Layout:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stored:
+class StoredValues:
     """Values as the file stores them. values: (count, components), perhaps a strided view."""
 
     values: NDArray[Any]
@@ -81,7 +81,7 @@ class Accessors:
             element_bytes=_PADDED.get((kind, size), size * _COMPONENTS[kind]),
         )
 
-    def read(self, index: int) -> Stored:
+    def read(self, index: int) -> StoredValues:
         """An accessor's values. Without a buffer view and sparse values they are zeros."""
         fields, layout = self._fields[index], self.layout(index)
         if "bufferView" in fields:
@@ -94,7 +94,7 @@ class Accessors:
                 self._take(layout)
                 values = values.copy()
             self._overwrite(fields.child("sparse"), layout, values)
-        return Stored(values=values, normalized=layout.normalized)
+        return StoredValues(values=values, normalized=layout.normalized)
 
     def check(self, index: int) -> None:
         """Raises UnreadableGltfError unless the accessor and its sparse part lie in their views."""
@@ -163,7 +163,7 @@ class Accessors:
         values[places] = written
 
 
-def as_float32(stored: Stored) -> NDArray[np.float32]:
+def as_float32(stored: StoredValues) -> NDArray[np.float32]:
     """Values as float32; normalised integers by the specification's table in 3.11.
 
     float32 values are returned as they are stored, without a copy.

@@ -82,13 +82,13 @@ def _perspective(lens: Fields, name: str, pose: _Pose) -> tuple[SceneCamera, flo
     far = lens.number("zfar", _FAR)
     aspect = lens.number("aspectRatio") if "aspectRatio" in lens else None
     if not 0 < yfov < math.pi or near <= 0 or (aspect is not None and aspect <= 0):
-        raise _unsupported(name, f"yfov {yfov}, znear {near}, aspectRatio {aspect}")
+        raise _unsupported_error(name, f"yfov {yfov}, znear {near}, aspectRatio {aspect}")
     half = math.tan(yfov / 2)
     if aspect is not None and aspect >= 1:
         half *= aspect
     fit: Literal["AUTO", "VERTICAL"] = "VERTICAL" if aspect is None else "AUTO"
     if not _SMALLEST <= half <= _LARGEST:
-        raise _unsupported(name, f"a field of view of tangent {half:g}")
+        raise _unsupported_error(name, f"a field of view of tangent {half:g}")
     camera = _camera(name, "PERSP", pose, fit=fit, near=near, far=far, half_sensor_at_1=half)
     return camera, _sound_aspect(aspect)
 
@@ -97,7 +97,7 @@ def _orthographic(lens: Fields, name: str, pose: _Pose) -> tuple[SceneCamera, fl
     x, y = lens.number("xmag"), lens.number("ymag")
     near, far = lens.number("znear"), lens.number("zfar")
     if not (x > 0 and y > 0 and _SMALLEST <= max(x, y) <= _LARGEST):
-        raise _unsupported(name, f"xmag {x}, ymag {y}")
+        raise _unsupported_error(name, f"xmag {x}, ymag {y}")
     camera = _camera(name, "ORTHO", pose, fit="AUTO", near=near, far=far, ortho_scale=2 * max(x, y))
     return camera, _sound_aspect(x / y)
 
@@ -119,7 +119,7 @@ def _camera(
     ortho_scale: float = 1.0,
 ) -> SceneCamera:
     if not near < far <= _FAR:
-        raise _unsupported(name, f"znear {near}, zfar {far}")
+        raise _unsupported_error(name, f"znear {near}, zfar {far}")
     return SceneCamera(
         name=name,
         type=kind,
@@ -153,7 +153,7 @@ def _rigid_pose(node: Node, world_from_camera: NDArray[np.float64]) -> _Pose:
     return cast("_Pose", tuple(tuple(row) for row in rows.tolist()))
 
 
-def _unsupported(name: str, found: str) -> UnsupportedCameraError:
+def _unsupported_error(name: str, found: str) -> UnsupportedCameraError:
     return UnsupportedCameraError(
         f"camera {name!r} cannot be read out",
         found=found,

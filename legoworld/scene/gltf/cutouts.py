@@ -13,7 +13,7 @@ from legoworld.conventions import ALPHA_THRESHOLD
 from legoworld.scene.gltf.buffers import Buffers, image_bytes
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import TextureAlpha
-from legoworld.scene.gltf.pictures import LARGEST_SIDE_PX, alpha_of, size_wh
+from legoworld.scene.gltf.pictures import LARGEST_SIDE_PX, read_alpha, size_wh
 from legoworld.scene.gltf.verdicts import Budget
 from legoworld.scene.snapshot import Cutout, Wrap
 
@@ -65,8 +65,8 @@ class Pictures:
         alpha = self._alpha(rule.image, material)
         if alpha is None or (alpha >= enough * 255).all():
             return None
-        uv_up = _transformed(uv, rule)
-        tiling = _tiling(rule, uv_up, alpha.shape)
+        uv_up = _transform_uv(uv, rule)
+        tiling = _find_tiling(rule, uv_up, alpha.shape)
         if tiling is None:
             self.warnings.add(
                 f"material {material!r}: its alpha texture wraps differently in u and v over a "
@@ -77,7 +77,7 @@ class Pictures:
         key = (rule.image, rule.cutoff, rule.interpolation, rule.wrap_s, rule.wrap_t, *tiling)
         if key not in self._known:
             self._budget.take(2 * alpha.nbytes * across * up, "alpha textures")
-            tiled = _tiled(alpha, rule, left, across, low, up)
+            tiled = _tile_picture(alpha, rule, left, across, low, up)
             self._known[key] = len(self.cutouts)
             name = self._images[rule.image].text("name") or f"image {rule.image}"
             self.cutouts.append(Cutout(name=name, wrap=wrap, interpolation=rule.interpolation))
@@ -96,7 +96,7 @@ class Pictures:
         if data is not None:
             width, height = size_wh(data)
             self._budget.take(width * height, "alpha textures")
-            alpha, why = alpha_of(data)
+            alpha, why = read_alpha(data)
             if not why:
                 return alpha
         self.warnings.add(
@@ -121,7 +121,7 @@ def threshold_at_half(alpha: NDArray[np.uint8], cutoff: float) -> NDArray[np.uin
     return np.clip(table, 0, 255).astype(np.uint8)[alpha]
 
 
-def _transformed(uv: NDArray[np.float32], rule: TextureAlpha) -> NDArray[np.float64]:
+def _transform_uv(uv: NDArray[np.float32], rule: TextureAlpha) -> NDArray[np.float64]:
     """Texture coordinates after KHR_texture_transform, with v upwards."""
     a, b, c, d, e, f = rule.uv_from_uv
     u, v = uv[..., 0].astype(np.float64), uv[..., 1].astype(np.float64)
@@ -131,7 +131,9 @@ def _transformed(uv: NDArray[np.float32], rule: TextureAlpha) -> NDArray[np.floa
 _Tiling = tuple[Wrap, int, int, int, int]
 
 
-def _tiling(rule: TextureAlpha, uv: NDArray[np.float64], shape: tuple[int, ...]) -> _Tiling | None:
+def _find_tiling(
+    rule: TextureAlpha, uv: NDArray[np.float64], shape: tuple[int, ...]
+) -> _Tiling | None:
     """One wrap rule for both directions: wrap, first column of tiles, columns, first row, rows.
 
     Where the file has two, the picture is repeated as far as the triangles reach (and one tile
@@ -154,7 +156,7 @@ def _tiling(rule: TextureAlpha, uv: NDArray[np.float64], shape: tuple[int, ...])
     return "extend", spans[0], spans[1], spans[2], spans[3]
 
 
-def _tiled(
+def _tile_picture(
     alpha: NDArray[np.uint8], rule: TextureAlpha, left: int, across: int, low: int, up: int
 ) -> NDArray[np.uint8]:
     """The picture repeated or mirrored from tile (left, low) on; v upwards, rows from the top."""

@@ -67,11 +67,11 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
         "payloads": [[len(p.data), list(p.attributes)] for p in payloads],
     }
     input_bytes = b"".join([json.dumps(request).encode() + b"\n", *(p.data for p in payloads)])
-    answers, body = _decoded(input_bytes)
+    answers, body = _run_decoder(input_bytes)
     return _answers(payloads, answers, body, budget)
 
 
-def _decoded(input_bytes: bytes) -> tuple[list[Any], memoryview]:
+def _run_decoder(input_bytes: bytes) -> tuple[list[Any], memoryview]:
     """The answers of the decoder's process, and the bytes of the arrays."""
     with closing(ChildProcess([sys.executable, "-P", str(_WORKER)], _environment())) as process:
         try:

@@ -26,7 +26,7 @@ def main() -> None:
     left = request["limit_bytes"]
     for length, attributes in request["payloads"]:
         try:
-            arrays = _decoded(sys.stdin.buffer.read(length), attributes)
+            arrays = _decode_mesh(sys.stdin.buffer.read(length), attributes)
         except Exception as error:  # noqa: BLE001  whatever the decoder says is the verdict
             answers.append(f"{type(error).__name__} {error}")
             break
@@ -40,7 +40,7 @@ def main() -> None:
     sys.stdout.buffer.write(json.dumps(answers).encode() + b"\n" + b"".join(written))
 
 
-def _decoded(data: bytes, attributes: list[int]) -> list[Any]:
+def _decode_mesh(data: bytes, attributes: list[int]) -> list[Any]:
     import numpy as np
 
     mesh: Any = importlib.import_module("DracoPy").decode(data)

@@ -33,7 +33,7 @@ class Fields:
 
     def wrong(self, name: str, expected: str) -> UnreadableGltfError:
         """The verdict for a value, as an exception to raise."""
-        value = _shown(self.values[name]) if name in self.values else "nothing"
+        value = _format_value(self.values[name]) if name in self.values else "nothing"
         return unreadable(f"{self.at(name)} is {one_line(value, 80)}", expected)
 
     def integer(self, name: str, default: int | None = None) -> int:
@@ -123,7 +123,7 @@ class Fields:
         return extensions.child(name) if name in extensions else None
 
 
-def _shown(value: Json) -> str:
+def _format_value(value: Json) -> str:
     """A value as text, truncated while it is built: a list may be as long as the file."""
     try:
         return reprlib.repr(value)

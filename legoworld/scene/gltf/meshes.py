@@ -16,7 +16,12 @@ from legoworld.scene.gltf.cutouts import Cut, Pictures
 from legoworld.scene.gltf.draco import DracoMesh, decode
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.nodes import Node, Tree
-from legoworld.scene.gltf.posing import default_weights, joint_matrices, morphed, skinned
+from legoworld.scene.gltf.pose import (
+    default_weights,
+    joint_matrices,
+    morph_positions,
+    skin_positions,
+)
 from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload, refuse_non_finite
 from legoworld.scene.gltf.verdicts import Budget, unreadable
 
@@ -99,7 +104,7 @@ class Meshes:
         posed = "targets" in fields or skin >= 0
         vertices = primitive.positions
         if posed:
-            vertices = self._posed(primitive, weights, skin)
+            vertices = self._pose_vertices(primitive, weights, skin)
             refuse_non_finite(vertices, mesh_name)
         return Part(
             vertices=vertices,
@@ -108,10 +113,10 @@ class Meshes:
             cut=cut,
         )
 
-    def _posed(
+    def _pose_vertices(
         self, primitive: Primitive, weights: tuple[float, ...], skin: int
     ) -> NDArray[np.float32]:
-        positions = morphed(primitive.positions, primitive.fields, weights, self._accessors)
+        positions = morph_positions(primitive.positions, primitive.fields, weights, self._accessors)
         attributes = primitive.fields.child("attributes")
         if skin < 0:
             return positions
@@ -134,4 +139,4 @@ class Meshes:
                 raise unreadable(f"{attributes.place}: joints and weights are not VEC4 a vertex")
             self._budget.take(4 * len(positions) * 24, "joints and weights")
             influences.append((joints.astype(np.int64), as_float32(stored)))
-        return skinned(positions, influences, self._joints[skin], self._budget)
+        return skin_positions(positions, influences, self._joints[skin], self._budget)

@@ -18,7 +18,7 @@ _MOST_PX: Final = 1 << 26
 _PICTURE_CHUNKS: Final = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 
 
-def alpha_of(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
+def read_alpha(data: bytes) -> tuple[NDArray[np.uint8] | None, str]:
     """(H, W) uint8 alpha, top row first, None if all 1; and the reason if it is unknown.
 
     The reason is empty if the alpha is known. `size_wh` gives what decoding will allocate.

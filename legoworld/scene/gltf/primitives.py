@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import NonFiniteGeometryError
-from legoworld.scene.gltf.accessors import Accessors, Stored, as_float32
+from legoworld.scene.gltf.accessors import Accessors, StoredValues, as_float32
 from legoworld.scene.gltf.buffers import Buffers
 from legoworld.scene.gltf.draco import EXTENSION as DRACO
 from legoworld.scene.gltf.draco import DracoMesh, DracoPayload
@@ -86,7 +86,7 @@ class Primitives:
             else (attributes.values["POSITION"],),
         )
 
-    def attribute(self, fields: Fields, name: str) -> Stored:
+    def attribute(self, fields: Fields, name: str) -> StoredValues:
         """An attribute's values as they are stored. The primitive must have it."""
         attributes = fields.child("attributes")
         index = attributes.index(name, len(self._accessors))
@@ -102,7 +102,7 @@ class Primitives:
                 f"{fields.place}: Draco's {name} is {values.dtype} of {values.shape}",
                 f"{layout.dtype} of {(layout.count, layout.components)} as {layout.place} says",
             )
-        return Stored(values=values, normalized=layout.normalized)
+        return StoredValues(values=values, normalized=layout.normalized)
 
     def _triangles(
         self, fields: Fields, mode: int, n_vertices: int, mesh_name: str
@@ -111,12 +111,14 @@ class Primitives:
         if mesh is not None:
             triangles: NDArray[Any] = mesh.triangles
         else:
-            triangles = self._unrolled(fields, mode, n_vertices, mesh_name)
+            triangles = self._unroll_indices(fields, mode, n_vertices, mesh_name)
         if len(triangles) and int(triangles.max()) >= n_vertices:
             raise unreadable(f"{fields.place} uses vertex {int(triangles.max())} of {n_vertices}")
         return triangles
 
-    def _unrolled(self, fields: Fields, mode: int, n_vertices: int, mesh_name: str) -> NDArray[Any]:
+    def _unroll_indices(
+        self, fields: Fields, mode: int, n_vertices: int, mesh_name: str
+    ) -> NDArray[Any]:
         indices = self._indices(fields, n_vertices)
         if mode == _TRIANGLES:
             whole = len(indices) // 3 * 3

@@ -28,15 +28,15 @@ def ribbons(strands: Strands, eye: Eye, per_segment: int) -> Triangulated:
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
     fine = min(_FINEST, max(1, math.ceil(min(share, 1.0) / _FLAT)))
     if fine == 1:
-        return joined(
+        return join_meshes(
             [_narrow(nodes(part, eye, per_segment, True), eye) for part in strands.parts()]
         )
-    return joined(
+    return join_meshes(
         [_band(nodes(part, eye, per_segment, False), eye, fine) for part in strands.parts()]
     )
 
 
-def joined(parts: list[Triangulated]) -> Triangulated:
+def join_meshes(parts: list[Triangulated]) -> Triangulated:
     """Several meshes as one."""
     first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     return (

@@ -20,7 +20,7 @@ _MOST_LEVELS: Final = 6
 @cache
 def sphere(level: int) -> Triangulated:
     """An icosphere around the origin: its corners as far outside radius 1 as its faces inside."""
-    vertices, triangles = _subdivided(level)
+    vertices, triangles = _subdivide(level)
     corners = vertices[triangles]
     normals = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     inner = float(np.abs(dot(normals, corners[:, 0])).min())
@@ -43,10 +43,10 @@ def sphere_levels(share: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.searchsorted(limits, share, side="left").astype(np.int64)
 
 
-def _subdivided(level: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _subdivide(level: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     if level == 0:
         return _icosahedron()
-    vertices, triangles = _subdivided(level - 1)
+    vertices, triangles = _subdivide(level - 1)
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, place = np.unique(edges, axis=0, return_inverse=True)
     middle = (place.reshape(-1, 3) + len(vertices)).astype(np.int32)

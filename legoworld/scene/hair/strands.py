@@ -12,7 +12,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.scene.affine import cross, dot, inverse, length, transformed, unit
+from legoworld.scene.affine import cross, dot, inverse, length, transform_points, unit
 
 #: Largest deviation from what Cycles draws, as a share of its distance: a twentieth of a
 #: pixel in a picture 8,000 pixels wide.
@@ -92,14 +92,14 @@ class Eye:
         back = np.array(inverse(self.cam_from_mesh[:, :3].tolist()), np.float64)
         if self.ortho_scale is not None:
             return np.broadcast_to(back[:, 2], points.shape)
-        origin = -transformed(np.c_[back, np.zeros(3)], self.cam_from_mesh[:, 3])
+        origin = -transform_points(np.c_[back, np.zeros(3)], self.cam_from_mesh[:, 3])
         return points - origin
 
     def reach(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(...) distances to points in scene units; the view's width where it is orthographic."""
         if self.ortho_scale is not None:
             return np.full(points.shape[:-1], self.ortho_scale)
-        return length(transformed(self.cam_from_mesh, points))
+        return length(transform_points(self.cam_from_mesh, points))
 
     def share(self, points: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
         """(...) size / distance of something at a point."""
@@ -140,7 +140,7 @@ def nodes(strands: Strands, eye: Eye, per_segment: int, straighten: bool) -> Nod
     before, after = number - ~is_first, number + ~is_last
     slope = 0.5 * (strands.points[after] - strands.points[before])
     way = np.where(is_last[:, None], slope, strands.points[after] - strands.points)
-    slope = _moving(slope, way)
+    slope = _nonzero_slopes(slope, way)
     bent = ~is_last
     if straighten:
         bent &= _bends(strands, slope, way, (before, after), eye)
@@ -153,9 +153,11 @@ def nodes(strands: Strands, eye: Eye, per_segment: int, straighten: bool) -> Nod
     u = np.arange(1, per_segment) / per_segment
     keys = (before[k1], k1, after[k1], after[after[k1]])
     inner = place[k1][:, None] + np.arange(1, per_segment)
-    points[inner] = _weighted(strands.points, keys, _basis(u))
-    tangent[inner] = _moving(_weighted(strands.points, keys, _basis_slope(u)), way[k1][:, None])
-    radius[inner] = _weighted(strands.radius[:, None], keys, _basis(u))[..., 0]
+    points[inner] = _weight_keys(strands.points, keys, _basis(u))
+    tangent[inner] = _nonzero_slopes(
+        _weight_keys(strands.points, keys, _basis_slope(u)), way[k1][:, None]
+    )
+    radius[inner] = _weight_keys(strands.radius[:, None], keys, _basis(u))[..., 0]
     return Nodes(points=points, tangent=unit(tangent), radius=np.maximum(radius, 0.0), last=last)
 
 
@@ -184,7 +186,7 @@ def _basis_slope(u: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     ]
 
 
-def _weighted(
+def _weight_keys(
     values: NDArray[np.float64],
     keys: tuple[NDArray[np.int64], ...],
     weights: list[NDArray[np.float64]],
@@ -195,7 +197,7 @@ def _weighted(
     return total
 
 
-def _moving(slope: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nonzero_slopes(slope: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
     """Slopes; where they are 0, the step to the next key."""
     standing = dot(slope, slope) <= 1e-18 * dot(way, way)
     return np.where(standing[..., None], way, slope)

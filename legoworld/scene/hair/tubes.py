@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.affine import cross, dot, length, unit
-from legoworld.scene.hair.ribbons import Triangulated, joined, quads
+from legoworld.scene.hair.ribbons import Triangulated, join_meshes, quads
 from legoworld.scene.hair.spheres import sphere, sphere_levels
 from legoworld.scene.hair.strands import TOLERANCE, Eye, Nodes, Strands, nodes
 
@@ -27,7 +27,7 @@ def round_tubes(strands: Strands, eye: Eye) -> Triangulated:
         across = _carried_along(along)
         rings = _rings(along.points, along.tangent, across, along.radius, sides)
         parts.append((rings.reshape(-1, 3).astype(np.float32), _wall(along.pairs, sides)))
-    return joined(parts)
+    return join_meshes(parts)
 
 
 def linear_tubes(strands: Strands, eye: Eye) -> Triangulated:
@@ -38,7 +38,7 @@ def linear_tubes(strands: Strands, eye: Eye) -> Triangulated:
     parts = []
     for part in strands.parts():
         parts += [_cones(part, sides), _balls(part, ball)]
-    return joined(parts)
+    return join_meshes(parts)
 
 
 def _cones(strands: Strands, sides: int) -> Triangulated:

@@ -103,8 +103,8 @@ def _run(
     with Sandbox(workspace, allowed, held, owner=scratch) as sandbox:
         request = {
             "program": str(program),
-            "output": str(sandbox.seen("output")),
-            "report": str(sandbox.seen("output") / REPORT),
+            "output": str(sandbox.path_inside("output")),
+            "report": str(sandbox.path_inside("output") / REPORT),
             "deadline": sandbox.deadline,
         }
         sandbox.start(
@@ -117,7 +117,7 @@ def _run(
         )
         ending = sandbox.wait()
         try:
-            report = read_report(_taken(workspace, REPORT, made))
+            report = read_report(_take_file(workspace, REPORT, made))
         except ProgramOutputError:  # with its folder, or another thing in its place
             report = read_report(None)
         if ending.over is not None:
@@ -126,13 +126,13 @@ def _run(
             raise ended_early(ending, report.at, program)
         hints = _not_shown(report.reason.found, program, inputs) if report.reason else []
         _refuse_failure(report, allowed, hints if held.bubblewrap else [])
-        if _taken(workspace, BLEND, made) is None:
+        if _take_file(workspace, BLEND, made) is None:
             raise _no_scene("no such file")
-        _taken(workspace, GLB, made)
+        _take_file(workspace, GLB, made)
     return report
 
 
-def _taken(workspace: Path, name: str, made: Path) -> Path | None:
+def _take_file(workspace: Path, name: str, made: Path) -> Path | None:
     """A file of the program's output, moved into `made`; None where it left none."""
     try:
         with Beneath(workspace) as inside:

@@ -59,7 +59,7 @@ def over_limit(
     ending: Ending, over: Limit, at: str | None, limits: SandboxLimits, program: Path
 ) -> ProgramLimitError:
     """The error of a program that was ended for a limit. at: the last stage that was begun."""
-    if over == "time" and at is None and not _begun(ending):
+    if over == "time" and at is None and not _has_begun(ending):
         return ProgramTimeoutError(
             "the program did not begin",
             found=f"Blender was still starting after {limits.time_s:g} s",
@@ -105,7 +105,7 @@ def ended_early(ending: Ending, at: str | None, program: Path) -> LegoWorldError
     """The error of a process that ended without the end of its report. at: its last stage."""
     code = ending.code or 0
     how = signal_name(-code) if code < 0 else f"exit code {code}"
-    begun = at is not None or _begun(ending)
+    begun = at is not None or _has_begun(ending)
     if not begun and _last_line(ending).startswith("bwrap: "):
         return SandboxUnavailableError(
             "bubblewrap did not start the program",
@@ -137,7 +137,7 @@ def ended_early(ending: Ending, at: str | None, program: Path) -> LegoWorldError
     )
 
 
-def _begun(ending: Ending) -> bool:
+def _has_begun(ending: Ending) -> bool:
     """Whether Blender came so far that the program began, whatever became of its report."""
     return BEGUN in ending.first_output.splitlines()
 

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.depth.alignment import Moments, aligned_z, merged, moments_of, solve
+from legoworld.evaluation.depth.alignment import (
+    Moments,
+    aligned_z,
+    compute_moments,
+    merge_moments,
+    solve,
+)
 
 
 def exact_line(x, y) -> tuple[float, float]:
@@ -20,8 +26,8 @@ def exact_line(x, y) -> tuple[float, float]:
 
 
 def chunked(x, y, size: int) -> Moments:
-    parts = [moments_of(x[i : i + size], y[i : i + size]) for i in range(0, len(x), size)]
-    return reduce(merged, parts, Moments())
+    parts = [compute_moments(x[i : i + size], y[i : i + size]) for i in range(0, len(x), size)]
+    return reduce(merge_moments, parts, Moments())
 
 
 @pytest.mark.parametrize("offset", [0.0, 100.0, 1e4])
@@ -49,19 +55,19 @@ def test_it_is_what_numpy_lstsq_finds() -> None:
 def test_merging_is_the_same_for_any_chunk_size_and_empty_chunks() -> None:
     random = np.random.default_rng(1)
     x, y = random.normal(5, 2, 1000), random.normal(1, 1, 1000)
-    whole = solve(moments_of(x, y))
+    whole = solve(compute_moments(x, y))
     for size in (1, 3, 100, 999, 5000):
-        fit = solve(merged(Moments(), merged(chunked(x, y, size), Moments())))
+        fit = solve(merge_moments(Moments(), merge_moments(chunked(x, y, size), Moments())))
         assert [fit.scale, fit.shift] == pytest.approx([whole.scale, whole.shift], rel=1e-12)
 
 
 def test_a_falling_line_is_kept_and_called_inverted() -> None:
-    fit = solve(moments_of(np.array([1.0, 2.0, 3.0]), np.array([3.0, 2.0, 1.0])))
+    fit = solve(compute_moments(np.array([1.0, 2.0, 3.0]), np.array([3.0, 2.0, 1.0])))
     assert (fit.scale, fit.shift, fit.status) == (-1.0, 4.0, "inverted")
 
 
 def test_a_prediction_of_no_relation_is_degenerate() -> None:
-    fit = solve(moments_of(np.array([1.0, 2.0, 3.0]), np.array([1.0, 5.0, 1.0])))
+    fit = solve(compute_moments(np.array([1.0, 2.0, 3.0]), np.array([1.0, 5.0, 1.0])))
     assert (fit.scale, fit.status) == (0.0, "degenerate")
 
 
@@ -85,11 +91,11 @@ def test_a_constant_prediction_is_degenerate_and_gives_the_mean_disparity(value:
 
 def test_small_but_real_variation_is_no_constant() -> None:
     x = np.linspace(1.0, 1.0 + 1e-6, 100)
-    assert solve(moments_of(x, np.linspace(0.1, 0.2, 100))).status == "ok"
+    assert solve(compute_moments(x, np.linspace(0.1, 0.2, 100))).status == "ok"
 
 
 def test_aligned_depth_is_never_beyond_the_floor() -> None:
-    fit = solve(moments_of(np.array([0.0, 1.0]), np.array([0.0, 1.0])))
+    fit = solve(compute_moments(np.array([0.0, 1.0]), np.array([0.0, 1.0])))
     z, clamped = aligned_z(np.array([-1.0, 0.0, 0.25, 0.5]), fit, 0.25)
     assert z.tolist() == [4.0, 4.0, 4.0, 2.0]
     assert clamped.tolist() == [True, True, False, False]
@@ -97,4 +103,4 @@ def test_aligned_depth_is_never_beyond_the_floor() -> None:
 
 def test_pairs_must_pair() -> None:
     with pytest.raises(ShapeError):
-        moments_of(np.zeros(3), np.zeros(4))
+        compute_moments(np.zeros(3), np.zeros(4))

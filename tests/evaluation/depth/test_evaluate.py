@@ -27,7 +27,7 @@ from legoworld.cards import load_card
 from legoworld.comparison.depth import COMPARISON
 from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError
 from legoworld.evaluation.depth.errors import DepthTruthError
-from legoworld.evaluation.depth.eth3d import scene_of, training_images
+from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.evidence import verify
@@ -413,7 +413,7 @@ def test_coverage_says_how_much_of_eth3d_was_attempted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = [image.file_name for image in training_images()[36:40]]
-    assert len({scene_of(name) for name in names}) == 2
+    assert len({parse_scene_name(name) for name in names}) == 2
     z = plane(SIZE)
     run = write_run(tmp_path / "run", dict.fromkeys(names, z), size_wh=SIZE)
     truth = write_eth3d(tmp_path / "truth", dict.fromkeys(names, z))

@@ -13,8 +13,8 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import (
     find_calibration,
+    parse_scene_name,
     photo_camera,
-    scene_of,
     scenes_below,
 )
 from legoworld.evaluation.depth.truth import find_truth, load_truth
@@ -135,6 +135,6 @@ def test_the_photo_s_own_camera_among_several(tmp_path: Path) -> None:
 
 
 def test_scene_of() -> None:
-    assert scene_of(NAME) == "courtyard"
-    assert scene_of("courtyard/DSC_0286.JPG") is None
-    assert scene_of("x/" + NAME) is None
+    assert parse_scene_name(NAME) == "courtyard"
+    assert parse_scene_name("courtyard/DSC_0286.JPG") is None
+    assert parse_scene_name("x/" + NAME) is None

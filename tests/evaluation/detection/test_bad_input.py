@@ -21,7 +21,7 @@ from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.inputs.box_formats import check_box_format
-from legoworld.evaluation.detection.inputs.masks import measured, rle_problem
+from legoworld.evaluation.detection.inputs.masks import measure_masks, rle_problem
 from legoworld.shipped.catalog import folder
 
 
@@ -183,7 +183,7 @@ def runs_of(mask):
 
 
 def covered_by(texts):
-    return measured(texts)[0]
+    return measure_masks(texts)[0]
 
 
 def encoded(pixels):

@@ -13,7 +13,7 @@ from pycocotools import mask as coco_mask
 
 from legoworld.cli import run as call
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.track_making.making import make_track
+from legoworld.track_making.make_track import make_track
 from legoworld.tracks.track import load_track, serves
 
 SIZE_HW = (90, 120)

@@ -45,7 +45,7 @@ def test_without_the_package_lvis_is_scored_by_hotcoco_and_said_so(tmp_path, mon
     arguments = ["evaluate", str(run), "--truth", str(path), "--draws", "5", "-v", "-o"]
     assert cli.run([*arguments, str(tmp_path / "official")]) == 0
     official = capsys.readouterr().out
-    monkeypatch.setattr(lvis_package, "installed", lambda: False)
+    monkeypatch.setattr(lvis_package, "is_installed", lambda: False)
     assert cli.run([*arguments, str(tmp_path / "fast")]) == 0
     fast = capsys.readouterr()
     assert "pip install --no-deps lvis==0.5.3" in fast.err
@@ -58,6 +58,6 @@ def test_without_the_package_lvis_is_scored_by_hotcoco_and_said_so(tmp_path, mon
 
 
 def test_a_missing_package_is_an_error(monkeypatch):
-    monkeypatch.setattr(lvis_package, "installed", lambda: False)
+    monkeypatch.setattr(lvis_package, "is_installed", lambda: False)
     with pytest.raises(LegoWorldError, match="--evaluator fast"):
         lvis_package.load()

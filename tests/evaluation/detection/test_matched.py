@@ -25,7 +25,7 @@ from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
-from legoworld.evaluation.detection.scoring import frequencies_of
+from legoworld.evaluation.detection.scoring import category_frequencies
 
 
 def best_by_trying(iou):
@@ -277,7 +277,7 @@ def test_of_equal_overlaps_the_later_truth_is_taken_as_in_the_official_evaluator
         _, table = match_everything(protocol, read, found)
         assert (table.state[0, 0] == TRUE_POSITIVE).sum() == n_true
         curves = accumulate(table, protocol)
-        ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
+        ours = [metric_value(m, curves, category_frequencies(read)) for m in protocol.metrics]
         scores = run_evaluator(read, found, protocol, "official")
         assert ours == pytest.approx(scores.official, abs=1e-12)
 

@@ -17,9 +17,9 @@ from evaluation.detection_runs import (
 from evaluation.official import direct, evaluate
 
 from legoworld.evaluation.detection.evaluators import EvaluatorDisagreesError, run_evaluator
-from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.prediction_columns import make_columns
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
-from legoworld.evaluation.detection.scoring import check_agreement, frequencies_of
+from legoworld.evaluation.detection.scoring import category_frequencies, check_agreement
 from legoworld.evaluation.detection.text import official_lines
 from legoworld.records.base import to_record
 from legoworld.records.predictions import Prediction
@@ -107,7 +107,7 @@ def test_real_files(task, iou_type, truth, results, ap, real_data, tmp_path):
     numbers, lines = direct(task)(truth_path, predictions.entries.results())
     _, table = match_everything(protocol, read, predictions)
     curves = accumulate(table, protocol)
-    ours = [metric_value(m, curves, frequencies_of(read)) for m in protocol.metrics]
+    ours = [metric_value(m, curves, category_frequencies(read)) for m in protocol.metrics]
     assert ours == pytest.approx(numbers, abs=1e-12)
     for kind in ("official", "fast"):
         scores = run_evaluator(read, predictions, protocol, kind)
@@ -129,7 +129,7 @@ def test_the_official_lines_of_the_reference_sample(real_data, tmp_path):
         entries = json.loads(path.read_text(encoding="utf-8"))
         task = {"bbox": "coco", "segm": "coco-masks"}[iou_type]
         protocol, read, predictions = checked(tmp_path / iou_type, task, document, [])
-        own = replace(predictions, entries=columns_of(to_record(list[Prediction], entries)))
+        own = replace(predictions, entries=make_columns(to_record(list[Prediction], entries)))
         scores = run_evaluator(read, own, protocol, "official")
         assert [round(x, 3) for x in scores.official] == expected
 

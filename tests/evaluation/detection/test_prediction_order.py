@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
-from legoworld.evaluation.detection.inputs.prediction_columns import columns_of
+from legoworld.evaluation.detection.inputs.prediction_columns import make_columns
 from legoworld.evaluation.detection.inputs.prediction_order import canonical_key, in_order
-from legoworld.evaluation.detection.inputs.texts import texts_of
+from legoworld.evaluation.detection.inputs.texts import pack_texts
 from legoworld.files import canonical_json
 from legoworld.records.base import to_record
 from legoworld.records.predictions import Prediction
@@ -37,9 +37,9 @@ def entries(kind, random, n=300):
 def test_ordered_by_arrays_as_by_keys(kind):
     given = entries(kind, np.random.default_rng(3))
     predictions = to_record(list[Prediction], given)
-    found = in_order(columns_of(predictions), "canonical")
+    found = in_order(make_columns(predictions), "canonical")
     assert repr([*found]) == repr(sorted(predictions, key=canonical_key))
-    found = in_order(columns_of(predictions), "given")
+    found = in_order(make_columns(predictions), "given")
     assert repr([*found]) == repr(sorted(predictions, key=lambda p: p.image_id))
     assert [repr(p) for p in found] == [repr(found[k]) for k in range(len(found))]
     ordered = sorted(given, key=lambda e: e["image_id"])
@@ -48,10 +48,10 @@ def test_ordered_by_arrays_as_by_keys(kind):
 
 
 def test_results_share_nothing():
-    boxes = columns_of(to_record(list[Prediction], entries("boxes", np.random.default_rng(0), 3)))
+    boxes = make_columns(to_record(list[Prediction], entries("boxes", np.random.default_rng(0), 3)))
     boxes.results()[0]["bbox"].clear()
     assert [len(e["bbox"]) for e in boxes.results()] == [4, 4, 4]
-    masks = columns_of(to_record(list[Prediction], entries("masks", np.random.default_rng(0), 3)))
+    masks = make_columns(to_record(list[Prediction], entries("masks", np.random.default_rng(0), 3)))
     masks.results()[1]["segmentation"]["size"].clear()
     assert [e["segmentation"]["size"] for e in masks.results()] == [[4, 5]] * 3
 
@@ -66,8 +66,8 @@ def test_floats_are_found_where_each_value_is_one():
 
 def test_texts_in_one_piece_are_the_texts():
     texts = ["", "abc", "ü\u20ac", "\ud83d", "", "z" * 900]
-    found = texts_of(texts)
+    found = pack_texts(texts)
     assert list(found) == texts
     assert found[1:4] == texts[1:4]
     assert list(found.take(np.array([3, 0, 3]))) == [texts[3], "", texts[3]]
-    assert list(texts_of([])) == []
+    assert list(pack_texts([])) == []

@@ -7,24 +7,24 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from legoworld.evaluation.detection.inputs.texts import TextBuilder, texts_of
+from legoworld.evaluation.detection.inputs.texts import TextBuilder, pack_texts
 
 WORDS = ["", "abc", "\u00e9\u20ac", "", "x" * 300, "\ud800half", "end"]
 
 
 def test_they_are_the_sequence():
-    texts = texts_of(iter(WORDS))
+    texts = pack_texts(iter(WORDS))
     assert len(texts) == len(WORDS)
     assert list(texts) == WORDS
     assert [texts[i] for i in range(len(WORDS))] == WORDS
     for some in (slice(None), slice(2, 5), slice(-2, None), slice(None, None, -2), slice(9, 12)):
         assert texts[some] == WORDS[some]
-    assert len(texts_of([])) == 0
-    assert list(texts_of([])) == []
+    assert len(pack_texts([])) == 0
+    assert list(pack_texts([])) == []
 
 
 def test_those_at_some_places(monkeypatch):
-    texts = texts_of(WORDS)
+    texts = pack_texts(WORDS)
     for block in (1, 2, 1 << 20):
         monkeypatch.setattr("legoworld.evaluation.detection.inputs.texts._BLOCK", block)
         places = np.array([6, 1, 1, 5, 0, 2], np.int64)
@@ -34,7 +34,7 @@ def test_those_at_some_places(monkeypatch):
 
 @pytest.mark.parametrize(("first", "end"), [(0, 7), (1, 3), (4, 4), (6, 7)])
 def test_a_piece_of_them(first, end):
-    data, start = texts_of(WORDS).piece(first, end)
+    data, start = pack_texts(WORDS).piece(first, end)
     assert start[0] == 0
     found = [data[a:b].decode("utf-8", "surrogatepass") for a, b in pairwise(start)]
     assert found == WORDS[first:end]

@@ -22,7 +22,10 @@ from legoworld.evaluation.detection.matching.greedy import (
 )
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
-from legoworld.evaluation.detection.ranking.compiled_accumulation import bits_of, ordered_precision
+from legoworld.evaluation.detection.ranking.compiled_accumulation import (
+    ordered_precision,
+    pack_bits,
+)
 from legoworld.evaluation.detection.ranking.random_orders import random_orders
 from legoworld.evaluation.detection.ranking.ties import _ranking, order_aps, tie_orders
 
@@ -179,7 +182,7 @@ def test_random_orders_are_those_of_numpy_to_the_last_bit(many):
     special = random.random(len(scores)) < random.choice([0.01, 0.2, 1.0], 12).repeat(40 * sizes)
     states[:, special] = random.integers(0, 3, (10, int(special.sum())))
     ranking = _ranking(states, scores)
-    assert ranking.tied
+    assert ranking.has_ties
     pair = [np.random.default_rng(9) for _ in range(2)]
     for n in (7, 60):
         order, plain = random_orders(*ranking.runs, n, pair[0])
@@ -200,7 +203,7 @@ def test_the_compiled_orders_are_the_plain_formulation_to_the_last_bit(ranking):
     order, plain = random_orders(*ranking.runs, 40, random)
     expected = reference_resampling.average_precision_in_orders(ranking, order, plain, n_truths)
     found = ordered_precision(
-        bits_of(ranking.true), bits_of(~(ranking.true | ranking.false)), order, plain, n_truths
+        pack_bits(ranking.true), pack_bits(~(ranking.true | ranking.false)), order, plain, n_truths
     )
     np.testing.assert_array_equal(found, expected)
 

@@ -14,7 +14,7 @@ from legoworld.evaluation.detection.inputs.truth import read_truth
 from legoworld.evaluation.detection.inputs.truth_checks import TruthInvalidError
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import read_run
-from legoworld.track_making.making import make_track
+from legoworld.track_making.make_track import make_track
 
 TRIANGLE = [1.0, 1.0, 5.5, 1.0, 5.0, 5.0]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from legoworld.evaluation.reconstruction.points import Raster, raster_of
+from legoworld.evaluation.reconstruction.points import Raster, picture_raster
 from legoworld.records.base import UNSET, as_json, readable
 from legoworld.records.bench_dataset import (
     BenchCamera,
@@ -58,7 +58,7 @@ RENDER = RenderCard(
 
 
 def small_raster() -> Raster:
-    return raster_of(SIZE_WH, HFOV_DEG, RASTER_WH)
+    return picture_raster(SIZE_WH, HFOV_DEG, RASTER_WH)
 
 
 def scene(raster: Raster, seed: int, balls: int = 4) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -186,7 +186,7 @@ def _case(
     dataset: Dataset, image: BenchImage, seed: int, balls: int, raster_kept: bool
 ) -> BenchTruth:
     stem = str(image.file_name).removesuffix(".png")
-    full = raster_of(SIZE_WH, HFOV_DEG, SIZE_WH)
+    full = picture_raster(SIZE_WH, HFOV_DEG, SIZE_WH)
     raster = small_raster()
     whole_depth, whole_instance = scene(full, seed, balls)
     depth, instance = scene(raster, seed, balls)

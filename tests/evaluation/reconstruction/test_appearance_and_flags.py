@@ -46,10 +46,10 @@ def reference_thumbnail(dataset, image_id=1):
 def test_the_resize_is_pillow_s_lanczos():
     random = np.random.default_rng(0)
     picture = random.integers(0, 256, (108, 192, 3), dtype=np.uint8)
-    ours = appearance.resized(picture, (51, 29))
+    ours = appearance.resize_picture(picture, (51, 29))
     theirs = Image.fromarray(picture).resize((51, 29), Image.Resampling.LANCZOS)
     np.testing.assert_array_equal(ours, np.asarray(theirs))
-    assert appearance.resized(picture, (192, 108)) is picture
+    assert appearance.resize_picture(picture, (192, 108)) is picture
 
 
 def test_the_curve_never_falls_and_holds_a():
@@ -157,4 +157,4 @@ def test_a_second_view_that_falls_is_flagged(dataset, tmp_path):
 @pytest.mark.parametrize("data", [b"", b"\x89PNG\r\n\x1a\n", b"GIF89a", b"x" * 99])
 def test_what_is_no_picture_is_refused(data):
     with pytest.raises(appearance.PictureError):
-        appearance.decoded(data)
+        appearance.decode_picture(data)

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from legoworld.evaluation.reconstruction.articulation import (
     Present,
     articulation_score,
-    corresponding,
-    counted,
+    count_joints,
+    match_joints,
     none_found,
 )
 from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
@@ -45,7 +45,7 @@ def submitted(joint: ReferenceJoint, **changes: object) -> SceneJoint:
 
 
 def outcome(joint: ReferenceJoint, *answers: SceneJoint, present: Present = ALL) -> str:
-    return counted([joint], NAMES, answers, [present], RULES).joints[0].outcome
+    return count_joints([joint], NAMES, answers, [present], RULES).joints[0].outcome
 
 
 def turned(degrees: float) -> tuple[float, float, float]:
@@ -110,7 +110,7 @@ def test_parts_correspond_from_an_iou_of_a_quarter():
         assert DOOR.box_cam_m
         box = tuple((x + aside, y, z) for x, y, z in DOOR.box_cam_m)
         assert outcome(DOOR, submitted(DOOR, box_cam_m=box)) == expected
-        pairs = corresponding([DOOR], [submitted(DOOR, box_cam_m=box)], RULES)
+        pairs = match_joints([DOOR], [submitted(DOOR, box_cam_m=box)], RULES)
         if pairs:
             assert pairs[0][1] == pytest.approx((0.54 - aside) / (0.54 + aside))
     assert outcome(DOOR, submitted(DOOR, box_cam_m=None)) == "joint_missing"
@@ -137,7 +137,7 @@ def test_counts_of_a_case():
         submitted(scenery), submitted(DOOR), submitted(DRAWER, type="revolute"),
         submitted(DOOR, part="Nowhere", box_cam_m=((50, 0, 8), (51, 1, 9))),
     ]  # fmt: skip
-    found = counted([scenery, DOOR, DRAWER, lid], NAMES, answers, [ALL] * 4, RULES)
+    found = count_joints([scenery, DOOR, DRAWER, lid], NAMES, answers, [ALL] * 4, RULES)
     assert [row.outcome for row in found.joints] == ["ignored", "correct", "wrong", "joint_missing"]
     assert [row.object for row in found.joints] == [None, "Cupboard", "Desk", "Desk"]
     assert found.extra == ("Nowhere",)
@@ -154,10 +154,10 @@ def test_the_assignment_does_not_depend_on_the_order_of_answers():
         x = 0.4 * k
         doors.append(replace(DOOR, part=f"D{k}", box_cam_m=((x, 0, 2), (x + 0.5, 1, 2.1))))
     answers = [submitted(door) for door in doors]
-    whole = corresponding(doors, answers, RULES)
+    whole = match_joints(doors, answers, RULES)
     assert whole == {k: (k, 1.0) for k in range(6)}
     order = random.permutation(6).tolist()
-    shuffled = corresponding(doors, [answers[k] for k in order], RULES)
+    shuffled = match_joints(doors, [answers[k] for k in order], RULES)
     assert {g: order[q] for g, (q, _) in shuffled.items()} == {k: k for k in range(6)}
 
 

@@ -201,7 +201,7 @@ def test_an_evaluator_error_is_tried_again_and_then_zero_by_name(dataset, tmp_pa
     assert rows[1]["status"] == "ok"
     assert tried.count(1) == 1
     monkeypatch.setattr(
-        case_tasks, "_again", lambda _: case_tasks.Scored(row=None, error="ZeroDivisionError")
+        case_tasks, "_again", lambda _: case_tasks.CaseResult(row=None, error="ZeroDivisionError")
     )
     summary, rows = evaluated(dataset, run, tmp_path / "eval2")
     assert (rows[1]["status"], rows[1]["S"]) == ("evaluator_error", 0)

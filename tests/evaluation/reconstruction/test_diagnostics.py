@@ -52,7 +52,7 @@ def test_a_small_motion_is_found():
     rotation, shift = turned(2.0, (1, 2, 3)), np.array([0.02, -0.01, 0.03])
     submitted = (CLOUD - shift) @ rotation  # reference = rotation @ submitted + shift
     found = trimmed_icp(CLOUD, submitted)
-    assert found.moved(submitted) == pytest.approx(CLOUD, abs=1e-4)
+    assert found.apply(submitted) == pytest.approx(CLOUD, abs=1e-4)
     assert found.rotation == pytest.approx(rotation, abs=1e-4)
     assert found.registration.rotation_deg == pytest.approx(2.0, abs=1e-2)
     assert found.registration.translation_m == pytest.approx(np.linalg.norm(shift), abs=1e-3)
@@ -76,11 +76,11 @@ def test_three_points_are_enough_and_two_are_not():
 
 def test_large_clouds_are_thinned_evenly(monkeypatch):
     monkeypatch.setattr(aligned, "ICP_POINTS", 400)
-    assert aligned._thinned(CLOUD).tolist() == CLOUD[::3].tolist()
+    assert aligned._thin_points(CLOUD).tolist() == CLOUD[::3].tolist()
     monkeypatch.setattr(aligned, "ICP_POINTS", 450)
-    assert aligned._thinned(CLOUD).tolist() == CLOUD[::2].tolist()
+    assert aligned._thin_points(CLOUD).tolist() == CLOUD[::2].tolist()
     monkeypatch.setattr(aligned, "ICP_POINTS", 900)
-    assert aligned._thinned(CLOUD).tolist() == CLOUD.tolist()
+    assert aligned._thin_points(CLOUD).tolist() == CLOUD.tolist()
 
 
 def test_a_mirror_image_is_met_by_a_rotation():

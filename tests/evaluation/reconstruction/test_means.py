@@ -7,13 +7,13 @@ import pytest
 from msgspec.structs import replace
 
 from legoworld.evaluation.reconstruction.means import (
+    compute_group_means,
+    compute_mean,
+    compute_means,
     family_draws,
     family_means,
-    groups_of,
     headline,
     mean_and_sd,
-    mean_of,
-    means_of,
 )
 from legoworld.records.reconstruction_rows import ReconstructionRow
 
@@ -46,14 +46,14 @@ def cases(n, n_valid, r, a):
     [(1.0, 0.524, 0.544, 53.4), (1.0, 0.098, 0.198, 14.8)],
 )
 def test_s_of_valid_rows_is_half_of_r_and_a(v, r, a, s):
-    found = means_of(list(MEASURES.values()), cases(108, 108, r, a), None)
+    found = compute_means(list(MEASURES.values()), cases(108, 108, r, a), None)
     assert found["V"].value == v
     assert shown(found["S"].value) == s
 
 
 def test_the_table_mixes_two_averages_and_both_are_given():
     """Gen3DSR indoor: V 92.0, R 65.4 over the valid, A 0, S 30.1 over all = .92 x 65.4 / 2."""
-    found = means_of(list(MEASURES.values()), cases(100, 92, 0.654, 0.0), None)
+    found = compute_means(list(MEASURES.values()), cases(100, 92, 0.654, 0.0), None)
     assert shown(found["V"].value) == 92.0
     assert shown(found["R_valid"].value) == 65.4
     assert shown(found["S"].value) == 30.1
@@ -75,7 +75,7 @@ def test_denominators_of_the_published_splits():
         for room in range(7) for tier, name in enumerate(("easy", "medium", "hard"))
         for view in range(2)
     ]  # fmt: skip
-    groups = groups_of(list(MEASURES.values()), office, draws=10, seed=0)
+    groups = compute_group_means(list(MEASURES.values()), office, draws=10, seed=0)
     assert list(groups.tier) == ["easy", "medium", "hard"]
     assert {name: g.cases for name, g in groups.tier.items()} == dict.fromkeys(groups.tier, 14)
     assert len(office) == 42
@@ -84,7 +84,7 @@ def test_denominators_of_the_published_splits():
         row(1000 + k, family=f"o{k}", environment="outdoor", tier=None if k >= 90 else "hard")
         for k in range(100)
     ]
-    groups = groups_of(list(MEASURES.values()), both, draws=10, seed=0)
+    groups = compute_group_means(list(MEASURES.values()), both, draws=10, seed=0)
     assert {k: g.cases for k, g in groups.environment.items()} == {"indoor": 108, "outdoor": 100}
     assert groups.tier["unstated"].cases == 10
 
@@ -94,7 +94,7 @@ def test_tiers_are_weighted_by_their_inputs():
     rows = [row(k, r=0.2, a=0.2, tier="easy") for k in range(36)]
     rows += [row(36 + k, r=0.8, a=0.8, tier="hard") for k in range(30)]
     expected = (36 * 0.2 + 30 * 0.8) / 66
-    assert mean_of(MEASURES["S"], rows).value == pytest.approx(expected)
+    assert compute_mean(MEASURES["S"], rows).value == pytest.approx(expected)
 
 
 def test_families_are_drawn_whole():
@@ -102,32 +102,32 @@ def test_families_are_drawn_whole():
     draws = family_draws(rows, 2000, 0)
     samples = family_means(np.array([r.R for r in rows]), rows, draws)
     assert set(np.round(samples, 6)) == {0.0, 0.5, 1.0}
-    assert mean_of(MEASURES["R"], rows, draws).interval.ends == (0.0, 1.0)
-    assert mean_of(MEASURES["R"], rows, draws).interval.unit == "family"
+    assert compute_mean(MEASURES["R"], rows, draws).interval.ends == (0.0, 1.0)
+    assert compute_mean(MEASURES["R"], rows, draws).interval.unit == "family"
 
 
 def test_a_single_family_has_no_interval():
     rows = [row(k, r=k / 10) for k in range(6)]
-    assert mean_of(MEASURES["R"], rows, family_draws(rows, 100, 0)).interval is None
+    assert compute_mean(MEASURES["R"], rows, family_draws(rows, 100, 0)).interval is None
 
 
 def test_a_conditional_mean_weights_families_by_their_valid_cases():
     rows = [row(1, r=1.0, family="a"), row(2, valid=False, family="a"), row(3, r=0.5, family="b")]
     draws = family_draws(rows, 500, 0)
-    found = mean_of(MEASURES["R_valid"], rows, draws)
+    found = compute_mean(MEASURES["R_valid"], rows, draws)
     assert (found.value, found.n) == (0.75, 2)
     assert found.interval.ends == (0.5, 1.0)
 
 
 def test_a_case_that_is_not_valid_is_zero_at_every_tolerance():
     rows = [row(1, r=0.5, a=0.5), replace(row(2, valid=False), R_at={"F2": 0.9})]
-    found = means_of(list(MEASURES.values()), rows, None)
+    found = compute_means(list(MEASURES.values()), rows, None)
     assert (found["F2"].value, found["R"].value, found["R_valid"].value) == (0.25, 0.25, 0.5)
     assert (found["F2"].n, found["R_valid"].n) == (2, 1)
 
 
 def test_a_case_without_a_render_leaves_a_and_s_undefined():
     rows = [row(1), replace(row(2), A=None, S=None)]
-    found = means_of(list(MEASURES.values()), rows, None)
+    found = compute_means(list(MEASURES.values()), rows, None)
     assert found["A"].value is found["S"].value is None
     assert found["R"].value == 1.0

@@ -14,15 +14,15 @@ from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
 from legoworld.evaluation.reconstruction.points import (
     Raster,
     finite_points,
+    picture_raster,
     pixel_of_points,
     points_m,
-    raster_of,
 )
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import containing_pixels
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
-RASTER = raster_of((160, 90), 50.0, (80, 45))
+RASTER = picture_raster((160, 90), 50.0, (80, 45))
 FIVE = Tolerance(name="F5", relative=0.05)
 TEN = Tolerance(name="F10", relative=0.1)
 
@@ -130,7 +130,7 @@ def test_tau_follows_planar_depth_not_distance():
 
 def test_scale_about_the_camera_passes_at_the_centre_before_the_corner():
     """1 + e moves a point by e z sqrt(1 + x^2 + y^2)."""
-    raster = raster_of((90, 90), 90.0, (45, 45))
+    raster = picture_raster((90, 90), 90.0, (45, 45))
     label = np.full((45, 45), -1, np.int32)
     label[22, 22], label[0, 0] = 0, 1
     reference = np.full((45, 45), 2.0, np.float32)

@@ -10,7 +10,7 @@ from legoworld.baselines.family import BaselineFamily
 from legoworld.errors import CatalogError, SceneMissingError
 from legoworld.files import sha256_of_file
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
-from legoworld.running.image_record import row_of
+from legoworld.running.image_record import initial_row
 from legoworld_counts.readout import write_counts
 
 
@@ -27,7 +27,7 @@ def _import(request, source, _options, telling):
         counts = Counter({int(k): n for k, n in answers[image.file_name].items()})
         file = write_counts(request.run, image.scene, counts)
         origin = ImageSource(source=ImportedFrom(file=source.name, sha256=sha256))
-        return ImageRecord(row=replace(row_of(image), answer=file), scene=origin)
+        return ImageRecord(row=replace(initial_row(image), answer=file), scene=origin)
 
     telling.total(len(request.track.images))
     imported = Imported(file=source.name, sha256=sha256)

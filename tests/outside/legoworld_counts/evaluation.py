@@ -10,9 +10,9 @@ from legoworld.errors import CatalogError
 from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
 from legoworld.evaluation.checks import check_equal
 from legoworld.evaluation.family import EvaluationFamily
-from legoworld.evaluation.opening import prepared_inputs
-from legoworld.evaluation.run import read_rows, read_run_of, run_view
-from legoworld.evaluation.short_text import bounds, evaluator_of, fraction, image_counts
+from legoworld.evaluation.prepare_inputs import prepared_inputs
+from legoworld.evaluation.run import read_family_run, read_rows, run_view
+from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
 from legoworld.records.evaluation_summary import Coverage, Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (
@@ -20,7 +20,7 @@ from legoworld.records.folders.evaluation_folder import (
     installed_versions,
     write_evaluation,
 )
-from legoworld.records.folders.run_reading import ROWS, RUN
+from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld_counts import FAMILY
 from legoworld_counts.records import CountsEvidence, CountsRow, CountsSummary, Mae
 
@@ -83,7 +83,7 @@ def _coverage(rows):
 
 
 def _evaluate(request):
-    run, truth = read_run_of(request.run, FAMILY, "a run of counts"), _truth(request.truth)
+    run, truth = read_family_run(request.run, FAMILY, "a run of counts"), _truth(request.truth)
     card = load_card(run.task)
     configuration = ScoreConfiguration(
         task=run.task, card_sha256=card.sha256, draws=request.draws, seed=request.seed
@@ -141,7 +141,7 @@ def _verify(recorded):
 def _short(summary):
     found = summary.mae
     return (
-        f"{evaluator_of(summary)}: {image_counts(summary.coverage)}\n"
+        f"{describe_evaluator(summary)}: {image_counts(summary.coverage)}\n"
         f"mean absolute error {fraction(found.value)}{bounds(found.interval)} "
         f"over {summary.coverage.scored} images"
     )

@@ -5,7 +5,7 @@ from collections import Counter
 from msgspec.structs import replace
 
 from legoworld.files import canonical_json, sha256_of_file, write_text
-from legoworld.readouts.exports import exported
+from legoworld.readouts.exports import select_exported
 from legoworld.readouts.family import ReadoutFamily, answer_file
 from legoworld.records.submission import WrittenFile
 
@@ -21,7 +21,7 @@ def write_counts(run, name, counts):
 
 
 def _write(row, image):
-    counts = Counter(i.category.id for i in exported(image.instances, image.view))
+    counts = Counter(i.category.id for i in select_exported(image.instances, image.view))
     return replace(row, answer=write_counts(image.run, image.name, counts))
 
 

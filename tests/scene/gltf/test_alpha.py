@@ -19,7 +19,7 @@ from legoworld.errors import NoMeshError
 from legoworld.scene.gltf.cutouts import threshold_at_half
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import material_alpha, varying_alpha
-from legoworld.scene.gltf.pictures import alpha_of, size_wh
+from legoworld.scene.gltf.pictures import read_alpha, size_wh
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 
 #: glTF's v points down: (0, 0) is the picture's upper left corner.
@@ -368,7 +368,7 @@ def test_deep_png_and_webp(kind):
     picture[..., 3] = alpha.astype(picture.dtype) * (257 if kind == ".png" else 1)
     options = [] if kind == ".png" else [cv2.IMWRITE_WEBP_QUALITY, 101]
     data = cv2.imencode(kind, picture, options)[1].tobytes()
-    found, why = alpha_of(data)
+    found, why = read_alpha(data)
     assert why == ""
     assert found.tolist() == alpha.tolist()
 
@@ -377,7 +377,7 @@ def test_deep_alpha_is_rounded_to_eight_bits():
     alpha = np.array([[0, 128, 129, 300, 385, 386, 65406, 65407, 65535]], np.uint16)
     picture = np.full((1, 9, 4), 100, np.uint16)
     picture[..., 3] = alpha
-    found, _ = alpha_of(cv2.imencode(".png", picture)[1].tobytes())
+    found, _ = read_alpha(cv2.imencode(".png", picture)[1].tobytes())
     assert found.tolist() == [[0, 0, 1, 1, 1, 2, 254, 255, 255]]
 
 
@@ -476,6 +476,6 @@ def test_palettes_with_transparency_and_other_chunks():
         chunk(b"PLTE", bytes(9)), chunk(b"tRNS", bytes([0, 90])),
         chunk(b"IDAT", zlib.compress(bytes([0, 0, 1, 0, 2, 1]))), chunk(b"IEND", b""),
     ])  # fmt: skip
-    found, why = alpha_of(data)
+    found, why = read_alpha(data)
     assert why == ""
     assert found.tolist() == [[0, 90], [255, 90]]

@@ -17,7 +17,7 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts, write_frozen
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
-from legoworld.scene.reading import read_scene
+from legoworld.scene.read_scene import read_scene
 from legoworld.scene.snapshot import save
 
 

@@ -207,7 +207,7 @@ def test_every_shared_instance_agrees(name, size_wh, folder, blender):
 def test_a_sensor_fit_is_lost_in_pictures_of_another_aspect(folder, blender):
     found = compared(folder / "clipped", blender, (333, 250))
     assert any(d.startswith("the projection's fx is") for d in found.differences)
-    assert found.disagreeing == 2
+    assert found.n_disagreeing == 2
 
 
 @pytest.mark.blender
@@ -234,7 +234,7 @@ def test_what_is_lost_is_named(folder, blender, capsys):
         assert line in text
     (moving,) = [pair for pair in found.pairs if pair.name == "Moving"]
     assert moving.iou < 0.5
-    assert found.disagreeing == 1
+    assert found.n_disagreeing == 1
     assert found.differing_px > moving.blend_area_px
     code = cli.run(["inspect", str(folder / "lost"), "--compare-sources", "--no-cache"])
     out = capsys.readouterr()
@@ -268,7 +268,7 @@ def test_a_real_flat_agrees(real_data, tmp_path, blender):
     shutil.copy(real_data / "scenes" / "archx3d" / "model.glb", tmp_path / "scene.glb")
     found = compared(tmp_path, blender, (960, 540))
     assert len(found.pairs) > 10
-    assert (found.disagreeing, found.differing_px) == (0, 0)
+    assert (found.n_disagreeing, found.differing_px) == (0, 0)
     assert (found.lost, found.gained, found.differences) == ((), (), ())
 
 

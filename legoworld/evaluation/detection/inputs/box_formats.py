@@ -40,7 +40,7 @@ def check_box_values(
 
     boxes: of each of the images, whatever a file has there.
     """
-    _checked(image_ids, boxes, sizes_wh)
+    _check_boxes(image_ids, boxes, sizes_wh)
     return {}
 
 
@@ -50,12 +50,12 @@ def check_box_format(
     """Counted anomalies of scorable boxes. BoxFormatError for boxes that cannot be scored."""
     if not boxes:
         return {}
-    boxes_xywh = _checked(image_ids, boxes, sizes_wh)
+    boxes_xywh = _check_boxes(image_ids, boxes, sizes_wh)
     sizes = _sizes(image_ids, sizes_wh)
     outside = _outside(boxes_xywh[:, :2], boxes_xywh[:, :2] + boxes_xywh[:, 2:], sizes)
     if (boxes_xywh <= 1.0).all() and (boxes_xywh % 1 != 0).any() and (sizes > 8).all():
         raise _error(
-            _shown(image_ids[0], boxes[0]),
+            _format_box(image_ids[0], boxes[0]),
             "pixels",
             "these look like fractions of the image's size",
         )
@@ -64,7 +64,7 @@ def check_box_format(
         worst = int(np.argmax(outside))
         raise _error(
             f"{int(outside.sum())} of {len(boxes)} boxes leave their image, such as "
-            + _shown(image_ids[worst], boxes[worst]),
+            + _format_box(image_ids[worst], boxes[worst]),
             "boxes inside their images",
             hint,
         )
@@ -76,22 +76,22 @@ def check_box_format(
     return {what: count for what, count in odd.items() if count}
 
 
-def _checked(
+def _check_boxes(
     image_ids: Sequence[int], boxes: Sequence[Json], sizes_wh: Sizes
 ) -> NDArray[np.float64]:
     """(n, 4) boxes of four finite numbers and no negative extent."""
     for image_id, box in zip(image_ids, boxes, strict=True):
         if not isinstance(box, list | tuple) or len(box) != 4:
-            raise _error(_shown(image_id, box), "four finite numbers")
+            raise _error(_format_box(image_id, box), "four finite numbers")
     numbers = finite_floats(itertools.chain.from_iterable(boxes))  # type: ignore[arg-type]
     if numbers is None:
         bad = next(k for k, box in enumerate(boxes) if not all(map(is_finite, box)))  # type: ignore[arg-type]
-        raise _error(_shown(image_ids[bad], boxes[bad]), "four finite numbers")
+        raise _error(_format_box(image_ids[bad], boxes[bad]), "four finite numbers")
     boxes_xywh = numbers.reshape(-1, 4)
     negative = np.flatnonzero((boxes_xywh[:, 2:] < 0).any(axis=1))
     if len(negative):
         raise _error(
-            _shown(image_ids[negative[0]], boxes[negative[0]]),
+            _format_box(image_ids[negative[0]], boxes[negative[0]]),
             "a width and height of at least 0",
             _hint(boxes_xywh, _sizes(image_ids, sizes_wh)),
         )
@@ -135,7 +135,7 @@ def _error(found: str, expected: str, hint: str = _XYWH) -> BoxFormatError:
     )
 
 
-def _shown(image_id: int, box: Json) -> str:
+def _format_box(image_id: int, box: Json) -> str:
     return f"image {image_id}: bbox {[*box] if isinstance(box, tuple) else box!r}"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as _mask
 
-from legoworld.evaluation.detection.inputs.texts import Texts, texts_of
+from legoworld.evaluation.detection.inputs.texts import Texts, pack_texts
 from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.files import Json
 
@@ -52,7 +52,7 @@ def union(masks: Sequence[EncodedMask]) -> EncodedMask:
     return merged
 
 
-def compressed(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
+def compress_mask(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
     """Polygons or any RLE as compressed RLE with bytes, the way annToRLE makes it."""
     made: EncodedMask
     if isinstance(mask, list):
@@ -67,7 +67,7 @@ def compressed(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
 def rle_problem(mask: Json, size_wh: tuple[int, int]) -> str | None:
     """The fault of a results mask for an image of this size; None if there is none.
 
-    Of compressed counts only the form is checked: `measured` decodes many at once.
+    Of compressed counts only the form is checked: `measure_masks` decodes many at once.
     """
     if isinstance(mask, list):
         return "a polygon list"
@@ -99,13 +99,13 @@ def joined_texts(texts: Sequence[bytes]) -> tuple[bytes, NDArray[np.int64]]:
     return b"".join(texts), start
 
 
-def measured(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def measure_masks(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """(n,) sums of the run lengths in pycocotools' compressed counts, and (n,) pixels of the mask.
 
     The sum is -1 for a truncated or malformed text, or one with a negative run; of such a one
     the pixels say nothing. rleToString in pycocotools' maskApi.c is what defines the format.
     """
-    texts = counts if isinstance(counts, Texts) else texts_of(counts)
+    texts = counts if isinstance(counts, Texts) else pack_texts(counts)
     covered, area = np.empty(len(texts), np.int64), np.empty(len(texts))
     for first in range(0, len(texts), _MOST_MEASURED):
         end = min(first + _MOST_MEASURED, len(texts))

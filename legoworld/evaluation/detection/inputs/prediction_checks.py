@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
-from legoworld.evaluation.detection.inputs.masks import compressed, rle_problem
+from legoworld.evaluation.detection.inputs.masks import compress_mask, rle_problem
 from legoworld.files import Json
-from legoworld.pluralize import counted, share, word_for
+from legoworld.pluralize import plural, share, word_for
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.folders.prediction_files import LIKE
 from legoworld.records.predictions import MaskPrediction, Scored
@@ -74,7 +74,7 @@ def check_ids(
         len(image_id),
         "are of images the run does not have",
         f"image {unknown[0]}" if unknown else "",
-        f"one of the run's {counted(len(status), 'image', 'images')}, such as {min(status)}",
+        f"one of the run's {plural(len(status), 'image', 'images')}, such as {min(status)}",
     )
     unread = [i for i in images if status[i] != "ok"]
     _refuse(
@@ -85,14 +85,14 @@ def check_ids(
         "predictions of images with status ok alone",
     )
     known = {c.id for c in vocabulary.categories}
-    found = set(np.unique(category_id).tolist())
+    ids = set(np.unique(category_id).tolist())
     _refuse(
-        int(np.isin(category_id, sorted(found - known)).sum()),
+        int(np.isin(category_id, sorted(ids - known)).sum()),
         len(image_id),
         "are of categories the vocabulary does not have",
-        f"category ids {sorted(found - known)[:8]}",
+        f"category ids {sorted(ids - known)[:8]}",
         f"one of {len(known)} ids between {min(known)} and {max(known)}",
-        _mapping_hint(found, known),
+        _mapping_hint(ids, known),
     )
 
 
@@ -121,7 +121,7 @@ def compressed_counts(prediction: MaskPrediction) -> str:
     problem = rle_problem(rle, (width, height))
     if problem:
         raise unusable_mask(prediction.image_id, prediction.category_id, problem)
-    counts: bytes = compressed(rle, (height, width))["counts"]
+    counts: bytes = compress_mask(rle, (height, width))["counts"]
     return counts.decode("ascii")
 
 

@@ -154,7 +154,7 @@ class GivenColumns:
     n_boxed: int
 
 
-def boxes_of(batches: Iterable[Sequence[BoxPrediction]]) -> GivenColumns:
+def box_columns(batches: Iterable[Sequence[BoxPrediction]]) -> GivenColumns:
     """The columns of boxes."""
     head, shapes = _Heads(), list[Box]()
     for batch in batches:
@@ -168,7 +168,7 @@ def boxes_of(batches: Iterable[Sequence[BoxPrediction]]) -> GivenColumns:
     )
 
 
-def masks_of(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> GivenColumns:
+def mask_columns(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> GivenColumns:
     """The columns of masks; their texts are kept in one piece.
 
     PredictionsInvalidError for run lengths that do not add up to the mask's own size.
@@ -195,7 +195,7 @@ def masks_of(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> Gi
     )
 
 
-def columns_of(predictions: Sequence[Prediction]) -> PredictionColumns:
+def make_columns(predictions: Sequence[Prediction]) -> PredictionColumns:
     """The columns of checked predictions: all of boxes, or all of compressed masks."""
     head = _Heads()
     head.add(predictions)

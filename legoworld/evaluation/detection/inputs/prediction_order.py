@@ -19,7 +19,7 @@ PredictionOrder = Literal["canonical", "given"]
 _EXACT: Final = 2.0**53
 
 
-def order_of(configuration: Configuration) -> PredictionOrder:
+def configured_order(configuration: Configuration) -> PredictionOrder:
     """The order of a run's predictions, from the run's configuration."""
     return "given" if configuration.prediction_order == "given" else "canonical"
 

@@ -19,8 +19,8 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 )
 from legoworld.evaluation.detection.inputs.prediction_order import (
     PredictionOrder,
+    configured_order,
     in_order,
-    order_of,
     places_in_order,
 )
 from legoworld.evaluation.detection.inputs.truth import Truth
@@ -30,7 +30,7 @@ from legoworld.evaluation.run import Run
 from legoworld.records.predictions import BoxPrediction, MaskPrediction
 from legoworld.tracks.vocabulary import Vocabulary
 
-#: Predictions some at a time; of the kind that the protocol scores (`kind_of`).
+#: Predictions some at a time; of the kind that the protocol scores (`prediction_type`).
 Batches = Iterable[Sequence[BoxPrediction | MaskPrediction]]
 
 
@@ -66,7 +66,7 @@ class Predictions:
         return self.order == "canonical" or bool((np.diff(places) == 1).all())
 
 
-def kind_of(protocol: DetectionProtocol) -> type[BoxPrediction] | type[MaskPrediction]:
+def prediction_type(protocol: DetectionProtocol) -> type[BoxPrediction] | type[MaskPrediction]:
     """What a protocol scores."""
     return protocol.payload.record
 
@@ -88,7 +88,7 @@ def check_predictions(
         sizes_wh={i["id"]: (i["width"], i["height"]) for i in truth.images},
         vocabulary=truth.vocabulary,
         protocol=protocol,
-        order=order_of(run.configuration),
+        order=configured_order(run.configuration),
     )
 
 

@@ -80,7 +80,7 @@ class TextBuilder:
         return Texts(self._data.getvalue(), np.array(self._start, np.int64))
 
 
-def texts_of(texts: Iterable[str]) -> Texts:
+def pack_texts(texts: Iterable[str]) -> Texts:
     """The same texts."""
     built = TextBuilder()
     built.add(texts)

@@ -18,7 +18,7 @@ from legoworld.evaluation.detection.inputs.truth_checks import (
 )
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
-from legoworld.pluralize import counted, share, word_for
+from legoworld.pluralize import plural, share, word_for
 from legoworld.records.base import RecordError, read_json
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.dataset_versions import dataset_version
@@ -84,7 +84,7 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
         _check_frequencies(path, document["categories"])
     return Truth(
         images=tuple(images),
-        annotations=tuple(_numbered(annotations, protocol, repairs)),
+        annotations=tuple(_number_annotations(annotations, protocol, repairs)),
         categories=tuple(sorted(document["categories"], key=lambda c: int(c["id"]))),
         vocabulary=vocabulary,
         version=version,
@@ -119,7 +119,7 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
         return
     raise TruthMismatchError(
         "run and truth have different categories",
-        found=f"{path}: {counted(len(vocabulary.categories), 'category', 'categories')}, "
+        found=f"{path}: {plural(len(vocabulary.categories), 'category', 'categories')}, "
         f"version {version}, {vocabulary.sha256[:12]}",
         expected=f"the run's vocabulary, {str(expected)[:12]}",
         next_step="make the track from this truth with `legoworld track make` and run with it",
@@ -160,7 +160,7 @@ def _check_same_photo(path: Path, image: RunImage, entry: Foreign) -> None:
         )
 
 
-def _numbered(
+def _number_annotations(
     annotations: Sequence[Foreign], protocol: DetectionProtocol, repairs: Counter[str]
 ) -> list[Foreign]:
     """Annotations numbered from 1 in file order: the official evaluator takes 0 for unmatched."""
@@ -180,7 +180,7 @@ def _check_frequencies(path: Path, categories: Sequence[Foreign]) -> None:
     bad = [c for c in categories if c.get("frequency") not in ("r", "c", "f")]
     if bad:
         raise TruthInvalidError(
-            f"{counted(len(bad), 'category', 'categories')} of {path} have no frequency group",
+            f"{plural(len(bad), 'category', 'categories')} of {path} have no frequency group",
             found=f"{bad[0]['name']}: {bad[0].get('frequency')!r}",
             expected="r, c or f on each, as LVIS has them",
         )

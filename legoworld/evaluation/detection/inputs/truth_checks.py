@@ -21,11 +21,11 @@ from legoworld.evaluation.detection.inputs.box_formats import (
 )
 from legoworld.evaluation.detection.inputs.masks import (
     covers,
-    measured,
+    measure_masks,
     rle_problem,
 )
 from legoworld.files import Json
-from legoworld.pluralize import counted, share
+from legoworld.pluralize import plural, share
 from legoworld.readouts.masks import MOST_COORDINATE_PX
 from legoworld.records.track import LARGEST_ID
 
@@ -59,7 +59,7 @@ def check_images(name: str, entries: Sequence[Json], repairs: Counter[str]) -> d
     by_id: dict[int, Foreign] = {}
     twice: list[int] = []
     for entry in objects:
-        image_id = _whole(entry["id"], "image ids", repairs)
+        image_id = _as_int(entry["id"], "image ids", repairs)
         if not 0 <= image_id <= LARGEST_ID:
             raise TruthInvalidError(
                 f"an image id of {name} cannot be used",
@@ -121,18 +121,18 @@ def check_annotations(
         "annotations",
         objects,
         lambda a: None if a["image_id"] in images else "no such image",
-        f"the id of one of the file's {counted(len(images), 'image', 'images')}",
+        f"the id of one of the file's {plural(len(images), 'image', 'images')}",
         "correct the image_id; where images were cut out of the file, cut their annotations, too",
     )
     ids = frozenset(wanted)
     own = [
-        {**a, "image_id": _whole(a["image_id"], "image ids", repairs)}
+        {**a, "image_id": _as_int(a["image_id"], "image ids", repairs)}
         for a in objects
         if a["image_id"] in ids
     ]
     _check_values(name, own, frozenset(category_ids))
     for entry in own:
-        entry["category_id"] = _whole(entry["category_id"], "category ids", repairs)
+        entry["category_id"] = _as_int(entry["category_id"], "category ids", repairs)
     check_shapes(name, own, images)
     return own
 
@@ -160,7 +160,7 @@ def _check_values(name: str, own: Sequence[Foreign], category_ids: frozenset[int
     rules: list[tuple[Fault, str, str]] = [
         (_key_fault("category_id"), "the integer id of its category", _CORRECT),
         (
-            lambda a: None if a["category_id"] in category_ids else _shown(a, "category_id"),
+            lambda a: None if a["category_id"] in category_ids else _format_entry(a, "category_id"),
             f"one of the file's {len(category_ids)} category ids",
             _CORRECT,
         ),
@@ -174,7 +174,11 @@ def _check_values(name: str, own: Sequence[Foreign], category_ids: frozenset[int
             "a finite number of at least 0",
             "write the area in pixels of the mask, or width x height where there is none",
         ),
-        (lambda a: None if a.get("iscrowd", 0) in (0, 1) else _shown(a, "iscrowd"), "0 or 1", ""),
+        (
+            lambda a: None if a.get("iscrowd", 0) in (0, 1) else _format_entry(a, "iscrowd"),
+            "0 or 1",
+            "",
+        ),
     ]
     for fault, expected, next_step in rules:
         _refuse(name, "annotations", own, fault, expected, next_step or _CORRECT)
@@ -203,7 +207,7 @@ def check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]
             entry["segmentation"] = {**mask, "size": [height, width]}
             if isinstance(mask["counts"], str):
                 texts.append((entry, mask["counts"], (width, height)))
-    covered, _ = measured([counts for _, counts, _ in texts])
+    covered, _ = measure_masks([counts for _, counts, _ in texts])
     wrong = {
         id(texts[k][0]): f"RLE {covers(int(covered[k]), texts[k][2])}"
         for k in np.flatnonzero(covered != [w * h for _, _, (w, h) in texts])
@@ -228,9 +232,9 @@ def _refuse(
     """TruthInvalidError with how many entries have a fault, and the first of them."""
     first, bad, of = "", 0, 0
     for of, entry in enumerate(entries, start=1):
-        found = fault(entry)
-        if found:
-            first = first or _named(kind, entry, of, found)
+        problem = fault(entry)
+        if problem:
+            first = first or _name_offender(kind, entry, of, problem)
             bad += 1
     if bad:
         raise TruthInvalidError(
@@ -241,7 +245,7 @@ def _refuse(
         )
 
 
-def _named(kind: str, entry: Json, number: int, found: str) -> str:
+def _name_offender(kind: str, entry: Json, number: int, found: str) -> str:
     """The first offender: by its id where it has one, else by its place in the file."""
     what = kind.removesuffix("s")
     if not isinstance(entry, dict) or not _is_whole(entry.get("id")):
@@ -273,12 +277,12 @@ def _key_fault(key: str) -> Fault:
     def fault(entry: Foreign) -> str | None:
         if key not in entry:
             return f"no {key}"
-        return None if _is_whole(entry[key]) else _shown(entry, key)
+        return None if _is_whole(entry[key]) else _format_entry(entry, key)
 
     return fault
 
 
-def _shown(entry: Foreign, key: str) -> str:
+def _format_entry(entry: Foreign, key: str) -> str:
     return f"{key} {entry[key]!r}"[:100] if key in entry else f"no {key}"
 
 
@@ -286,7 +290,7 @@ def _is_whole(value: Json) -> bool:
     return type(value) is int or (type(value) is float and value.is_integer())
 
 
-def _whole(value: Json, what: str, repairs: Counter[str]) -> int:
+def _as_int(value: Json, what: str, repairs: Counter[str]) -> int:
     if type(value) is float:
         repairs[f"{what} written as decimals, taken as integers"] += 1
     return _int(value)
@@ -316,19 +320,19 @@ def _federated_fault(entry: Foreign) -> str | None:
     for key in _FEDERATED_KEYS:
         value = entry.get(key)
         if not isinstance(value, list) or not all(type(c) is int for c in value):
-            return _shown(entry, key)
+            return _format_entry(entry, key)
     return None
 
 
 def _box_fault(entry: Foreign) -> str | None:
     box: Any = entry.get("bbox")
     fine = isinstance(box, list) and len(box) == 4 and all(map(is_finite, box))
-    return None if fine and min(box[2:]) >= 0 else _shown(entry, "bbox")
+    return None if fine and min(box[2:]) >= 0 else _format_entry(entry, "bbox")
 
 
 def _area_fault(entry: Foreign) -> str | None:
     area = entry.get("area")
-    return None if is_finite(area) and area >= 0 else _shown(entry, "area")
+    return None if is_finite(area) and area >= 0 else _format_entry(entry, "area")
 
 
 def _polygon_fault(polygons: list[Json]) -> str | None:

@@ -81,8 +81,8 @@ class Chunks(Sequence[Chunk]):
         first, end = (int(e) for e in self._edges[index : index + 2])
         mine = slice(self._first_detection[first], self._first_detection[end])
         true = slice(self._first_truth[first], self._first_truth[end])
-        detections = _cut(self._problem.detections, mine, first)
-        truths = _cut(self._problem.truths, true, first)
+        detections = _slice_columns(self._problem.detections, mine, first)
+        truths = _slice_columns(self._problem.truths, true, first)
         payload, shape = self._problem.protocol.payload, self._predictions.entries.shape
         annotations = [self._truth.annotations[k] for k in truths.annotation]
         return Chunk(
@@ -105,6 +105,6 @@ def _edges(first_detection: Ints) -> Ints:
     return np.append(starts, n_images)
 
 
-def _cut(columns: Columns, some: slice, first_image: int) -> Columns:
+def _slice_columns(columns: Columns, some: slice, first_image: int) -> Columns:
     cut = {f.name: getattr(columns, f.name)[some] for f in fields(columns)}
     return replace(columns, **{**cut, "image": cut["image"] - first_image})

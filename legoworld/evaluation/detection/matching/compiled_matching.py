@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.chunks import Chunk
-from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
 from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 from legoworld.evaluation.kernels.library import check, library, pointer

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.category_threads import category_threads
-from legoworld.evaluation.detection.matching.pairing import HIT, Pairs
+from legoworld.evaluation.detection.matching.score_free_pairs import HIT, Pairs
 from legoworld.evaluation.detection.problem import Floats, Ints, Problem
 from legoworld.records.base import number
 from legoworld.records.evaluation_rows import PairSums

@@ -14,9 +14,9 @@ from legoworld.evaluation.detection.matching.compiled_matching import (
     pairs_of_chunk,
     states_of_chunk,
 )
-from legoworld.evaluation.detection.matching.pairing import Pairs
+from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
 from legoworld.evaluation.detection.problem import Problem
-from legoworld.workers.tasks import IN_PROCESS, WorkerPool, results_of
+from legoworld.workers.tasks import IN_PROCESS, WorkerPool, map_items
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,29 +47,29 @@ def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
     return states_of_chunk(chunk, chunk.payload.overlaps(chunk))
 
 
-def matches_of(
+def match_and_pair(
     problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> Matches:
     """Match and pair every image of a problem, independent of pool and chunks."""
     chunks = Chunks(problem, truth, predictions)
-    done = list(results_of(match_chunk, chunks, pool.for_work(worth_a_process=chunks.many)))
+    done = list(map_items(match_chunk, chunks, pool.for_work(worth_a_process=chunks.many)))
     return Matches(
         state=np.concatenate([m.state for m in done], axis=2),
-        aware=_joined([m.aware for m in done], chunks),
-        agnostic=_joined([m.agnostic for m in done], chunks),
+        aware=_join_pairs([m.aware for m in done], chunks),
+        agnostic=_join_pairs([m.agnostic for m in done], chunks),
     )
 
 
-def states_of(
+def match_states(
     problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> NDArray[np.uint8]:
     """Match every image of a problem, without the score-free pairs."""
     chunks = Chunks(problem, truth, predictions)
     pool = pool.for_work(worth_a_process=chunks.many)
-    return np.concatenate(list(results_of(match_chunk_by_score, chunks, pool)), axis=2)
+    return np.concatenate(list(map_items(match_chunk_by_score, chunks, pool)), axis=2)
 
 
-def _joined(parts: list[Pairs], chunks: Chunks) -> Pairs:
+def _join_pairs(parts: list[Pairs], chunks: Chunks) -> Pairs:
     """The chunks' pairs, in positions of the whole problem's columns."""
     detections, truths = chunks.starts
     return Pairs(

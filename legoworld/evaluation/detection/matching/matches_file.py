@@ -33,7 +33,7 @@ _TABLE: Final = (
 )
 
 
-def arrays_of(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
+def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
     """Everything matches.npz holds. Positions point into image_ids and category_ids."""
     arrays: dict[str, NDArray[Any]] = {
         "image_ids": score.table.image_ids,

@@ -15,7 +15,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
     Sizes,
-    boxes_of,
+    box_columns,
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order
 from legoworld.evaluation.detection.inputs.truth_checks import Foreign, check_boxes
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def _given(batches: Iterable[Sequence[BoxPrediction]], _sizes_wh: Sizes) -> GivenColumns:
-    return boxes_of(batches)
+    return box_columns(batches)
 
 
 def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:

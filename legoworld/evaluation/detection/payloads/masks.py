@@ -14,10 +14,10 @@ from legoworld.evaluation.detection.inputs.caps import without_empty
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
     bounding_box,
-    compressed,
+    compress_mask,
     covers,
     joined_texts,
-    measured,
+    measure_masks,
     union,
 )
 from legoworld.evaluation.detection.inputs.prediction_checks import unusable_mask
@@ -25,7 +25,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
     Sizes,
-    masks_of,
+    mask_columns,
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order
 from legoworld.evaluation.detection.inputs.texts import Texts
@@ -51,7 +51,7 @@ _BOXED: Final = "masks with a bbox, which was left out"
 
 
 def _given(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> GivenColumns:
-    return masks_of(batches, sizes_wh)
+    return mask_columns(batches, sizes_wh)
 
 
 def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
@@ -90,7 +90,7 @@ def _areas(entries: PredictionColumns, sizes_wh: Sizes) -> NDArray[np.float64]:
     pycocotools does not check this, and reads beyond the end of invalid counts.
     """
     assert isinstance(entries.shape, Texts)
-    covered, areas = measured(entries.shape)
+    covered, areas = measure_masks(entries.shape)
     images, place = np.unique(entries.image_id, return_inverse=True)
     sizes = [sizes_wh[i] for i in images.tolist()]
     pixels = np.array([width * height for width, height in sizes], np.int64)
@@ -115,7 +115,7 @@ def _overlaps(chunk: Chunk) -> Overlaps:
     height = np.array([h for h, _ in chunk.sizes_hw], np.int64)
     sizes_hw = [chunk.sizes_hw[i] for i in chunk.truths.image.tolist()]
     wanted = zip(chunk.true_shapes, sizes_hw, strict=True)
-    true_texts = [compressed(mask, size_hw)["counts"] for mask, size_hw in wanted]
+    true_texts = [compress_mask(mask, size_hw)["counts"] for mask, size_hw in wanted]
     texts, start = joined_texts([text.encode("ascii") for text in chunk.shapes])
     true_text, true_start = joined_texts(true_texts)
     crowd = np.ascontiguousarray(chunk.truths.crowd)
@@ -125,12 +125,12 @@ def _overlaps(chunk: Chunk) -> Overlaps:
         ctypes.c_int64(len(height)), pointer(crowd), pointer(iou),
     )  # fmt: skip
     check(done)
-    _, area = measured(chunk.shapes)
+    _, area = measure_masks(chunk.shapes)
     return Overlaps(iou=iou, area=area)
 
 
 def _shape(row: Row, size_hw: tuple[int, int]) -> EncodedMask:
-    return compressed(as_lists(row.segmentation), size_hw)
+    return compress_mask(as_lists(row.segmentation), size_hw)
 
 
 def _outline(row: Row, size_hw: tuple[int, int]) -> Outline:

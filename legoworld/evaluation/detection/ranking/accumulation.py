@@ -34,14 +34,14 @@ class Curves:
     ranks: tuple[int | None, ...]
 
 
-def ranks_of(protocol: DetectionProtocol) -> tuple[int | None, ...]:
+def distinct_max_dets(protocol: DetectionProtocol) -> tuple[int | None, ...]:
     """The distinct maxDets of a protocol's metrics."""
     return tuple(dict.fromkeys(m.max_rank for m in protocol.metrics if m.kind == "AR"))
 
 
 def accumulate(table: MatchTable, protocol: DetectionProtocol) -> Curves:
     """The curves of every category and area."""
-    ranks = ranks_of(protocol)
+    ranks = distinct_max_dets(protocol)
     shape = len(IOU_THRESHOLDS), len(table.category_ids), len(AREA_NAMES)
     precision = np.full((shape[0], len(RECALL_THRESHOLDS), *shape[1:]), -1.0)
     recall = np.full((*shape, len(ranks)), -1.0)

@@ -54,7 +54,7 @@ class Ranking:
     rank: Counts
 
 
-def ranking_of(state: NDArray[np.uint8], image: Ints, score: Floats, rank: Ints) -> Ranking:
+def rank_category(state: NDArray[np.uint8], image: Ints, score: Floats, rank: Ints) -> Ranking:
     """A category's part of a match table. state: (T, D); the others (D,)."""
     counted = (state != IGNORED).any(axis=0)
     state, image, score, rank = state[:, counted], image[counted], score[counted], rank[counted]
@@ -68,13 +68,13 @@ def ranking_of(state: NDArray[np.uint8], image: Ints, score: Floats, rank: Ints)
     return Ranking(
         image=image[:n].astype(np.int32),
         block_end=block_end[:n].astype(np.int32),
-        is_true=bits_of(state[:, :n] == TRUE_POSITIVE),
-        is_ignored=bits_of(state[:, :n] == IGNORED),
+        is_true=pack_bits(state[:, :n] == TRUE_POSITIVE),
+        is_ignored=pack_bits(state[:, :n] == IGNORED),
         rank=rank[:n].astype(np.int32),
     )
 
 
-def bits_of(flags: NDArray[np.bool_]) -> Bits:
+def pack_bits(flags: NDArray[np.bool_]) -> Bits:
     """(S,) flags of all thresholds in one number each, threshold t in bit t. flags: (T, S)."""
     weights = 1 << np.arange(len(flags), dtype=np.uint16)
     bits: Bits = np.bitwise_or.reduce(flags * weights[:, None], axis=0)

@@ -22,7 +22,7 @@ from legoworld.evaluation.detection.protocols import (
 )
 from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     in_lanes,
-    ranking_of,
+    rank_category,
     resample,
 )
 
@@ -116,7 +116,7 @@ def _category(
     metrics: list[Metric],
 ) -> dict[str, Floats]:
     """(draws,) of each metric for one category and area; meaningless where n_truths is 0."""
-    ranking = ranking_of(
+    ranking = rank_category(
         table.state[a, :, rows], table.image[rows], table.score[rows], table.rank[rows]
     )
     ranks = list(dict.fromkeys(m.max_rank for m in metrics if m.kind == "AR"))

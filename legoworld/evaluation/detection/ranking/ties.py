@@ -25,7 +25,10 @@ from legoworld.evaluation.detection.ranking.accumulation import (
     first_reached,
     mean_precision,
 )
-from legoworld.evaluation.detection.ranking.compiled_accumulation import bits_of, ordered_precision
+from legoworld.evaluation.detection.ranking.compiled_accumulation import (
+    ordered_precision,
+    pack_bits,
+)
 from legoworld.evaluation.detection.ranking.random_orders import random_orders
 from legoworld.records.evaluation_summary import Ties
 
@@ -84,7 +87,7 @@ class _Ranking:
         return np.append(start, len(self.group)), self.plain_in[group], self.plain_before[group]
 
     @property
-    def tied(self) -> bool:
+    def has_ties(self) -> bool:
         """Whether any order is open: a run of several detections, not all alike."""
         sizes = np.bincount(self.group, minlength=len(self.plain_in))
         return bool(((sizes > 1) | ((sizes > 0) & (self.plain_in > 0))).any())
@@ -93,10 +96,10 @@ class _Ranking:
 def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
     """AP over all areas under `draws` random orders; NaN when no category has truth."""
 
-    def bounds_of(_k: int, ranking: _Ranking, n_truths: int) -> Floats:
+    def category_bounds(_k: int, ranking: _Ranking, n_truths: int) -> Floats:
         return _bounds(ranking, first_reached(n_truths))
 
-    worst, best = _mean_over_categories(table, bounds_of, 2)
+    worst, best = _mean_over_categories(table, category_bounds, 2)
     aps = order_aps(table, draws=draws, seed=seed)
     by_category = zip(table.category_slices, table.truths_per_category[0], strict=True)
     return TieResult(
@@ -115,7 +118,7 @@ def order_aps(table: MatchTable, *, draws: int, seed: int) -> Floats:
 
     def sampled(k: int, ranking: _Ranking, n_truths: int) -> Floats:
         random = np.random.default_rng([seed, int(table.category_ids[k])])
-        return _sampled(ranking, n_truths, draws, random)
+        return _sample_ap(ranking, n_truths, draws, random)
 
     return _mean_over_categories(table, sampled, draws)
 
@@ -130,7 +133,7 @@ def _mean_over_categories(
     n_truths, slices = table.truths_per_category[0], table.category_slices
     scored = np.flatnonzero(n_truths).tolist()
 
-    def values_of(k: int) -> Floats:
+    def category_values(k: int) -> Floats:
         rows = slices[k]
         ranking = _ranking(table.state[0, :, rows], table.score[rows])
         return of_category(k, ranking, int(n_truths[k]))
@@ -138,7 +141,7 @@ def _mean_over_categories(
     total = np.zeros(n_values)
     with category_threads() as pool:
         # Added in category order: order-independent, bit-identical.
-        for values in pool.map(values_of, scored):
+        for values in pool.map(category_values, scored):
             total += values
     return total / len(scored) if scored else np.full(n_values, np.nan)
 
@@ -167,13 +170,13 @@ def _ranking(state: NDArray[np.uint8], score: Floats) -> _Ranking:
     )
 
 
-def _sampled(ranking: _Ranking, n_truths: int, draws: int, random: np.random.Generator) -> Floats:
+def _sample_ap(ranking: _Ranking, n_truths: int, draws: int, random: np.random.Generator) -> Floats:
     """(draws,) AP of one category under random orders, averaged over thresholds."""
     n_special = len(ranking.group)
     if not n_special:
         return np.zeros(draws)
-    is_true, is_ignored = bits_of(ranking.true), bits_of(~(ranking.true | ranking.false))
-    if not ranking.tied:
+    is_true, is_ignored = pack_bits(ranking.true), pack_bits(~(ranking.true | ranking.false))
+    if not ranking.has_ties:
         order = np.arange(n_special, dtype=np.int32)[None]
         alone = ranking.plain_before[ranking.group][None].astype(np.int32)
         return np.repeat(ordered_precision(is_true, is_ignored, order, alone, n_truths), draws)

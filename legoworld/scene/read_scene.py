@@ -1,0 +1,227 @@
+"""A scene folder to its snapshot: checked, hashed, and opened only when it must be."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from legoworld.errors import SceneInvalidError, cause
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source, find_scene
+from legoworld.scene.freeze import (
+    FileHash,
+    FrozenFiles,
+    checked_artefacts,
+    hash_files,
+    hashed_dependencies,
+    is_still,
+)
+from legoworld.scene.side_files import SideFile, read_side_file
+from legoworld.scene.snapshot import Snapshot, load, save
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadScene:
+    """A snapshot, its content hash, and the files it was made from."""
+
+    snapshot: Snapshot
+    snapshot_sha256: str
+    files: FrozenFiles
+
+
+@dataclass(frozen=True, kw_only=True)
+class _NewSnapshot:
+    """A snapshot that was just made: in memory, or the file that Blender wrote.
+
+    names: the files that the scene file reads; watched: folders in which more may appear.
+    """
+
+    snapshot: Snapshot | Path
+    files: FrozenFiles
+    names: list[str]
+    watched: list[str]
+
+
+def check_scene(
+    scenes: Path, name: str, *, require_frozen: bool
+) -> tuple[SceneFolder, FrozenFiles]:
+    """A scene's folder, and its files as they are now, held to frozen.json.
+
+    Raises as `find_scene` and `checked_artefacts` do; a folder that cannot be accessed is an error
+    of the scene.
+    """
+    try:
+        folder = find_scene(scenes, name)
+        return folder, checked_artefacts(folder, require_frozen=require_frozen)
+    except OSError as error:
+        raise SceneInvalidError(
+            f"the scene folder {name!r} cannot be looked at",
+            found=cause(error),
+            expected="a folder and files that may be read",
+            next_step="correct its name or its permissions",
+        ) from error
+
+
+def read_scene(
+    scene: SceneFolder,
+    *,
+    source: Source,
+    blender: BlenderProcess,
+    cache: SnapshotCache | None,
+    files: FrozenFiles,
+) -> ReadScene:
+    """The snapshot of a scene whose files were hashed by `checked_artefacts`.
+
+    Raises the typed verdicts of `errors`: missing, invalid, changed, failed or timeout.
+    """
+    name = BLEND if source == "blend" else GLB
+    hashed = files.artefacts.get(name)
+    if hashed is None:
+        raise _missing_error(name, files)
+    if cache is not None:
+        stored = _load_cached(scene, name, hashed, cache, files)
+        if stored is not None:
+            return stored
+    if source == "blend":
+        made = _from_blend(scene, hashed, files, cache, blender)
+    else:
+        made = _from_glb(scene, hashed, files)
+    snapshot, content = (
+        _load_uncached(made) if cache is None else _store_in_cache(made, hashed, cache)
+    )
+    return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=made.files)
+
+
+def _missing_error(name: str, files: FrozenFiles) -> SceneInvalidError:
+    next_step = {
+        (BLEND, True): "pass --source glb to `legoworld readout` or `inspect` to read scene.glb",
+        (BLEND, False): "run the scene program with `legoworld execute`",
+        (GLB, False): "export scene.glb, or use --source blend",
+    }[name, GLB in files.artefacts]
+    return SceneInvalidError(
+        f"the scene folder holds no {name}",
+        found=", ".join(files.artefacts) or "nothing",
+        expected=name,
+        next_step=next_step,
+    )
+
+
+def _load_cached(
+    scene: SceneFolder, name: str, hashed: FileHash, cache: SnapshotCache, files: FrozenFiles
+) -> ReadScene | None:
+    """The cached snapshot of a scene file; None where there is none that can be read.
+
+    A damaged entry is made again, like one that is not there.
+    """
+    names = cache.dependencies(hashed.sha256, scene.path)
+    if names is None:
+        return None
+    known = hashed_dependencies(scene, names, files, read_by=name)
+    try:
+        snapshot, content = load(cache.snapshot_path(hashed.sha256, known.dependencies))
+    except SceneInvalidError:
+        return None
+    return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
+
+
+def _from_blend(
+    scene: SceneFolder,
+    hashed: FileHash,
+    files: FrozenFiles,
+    cache: SnapshotCache | None,
+    blender: BlenderProcess,
+) -> _NewSnapshot:
+    """Have Blender write the snapshot, on the cache's disk where it is to be kept there."""
+    if cache is None:  # each snapshot takes the place of the one before
+        workspace = blender.workspace("legoworld-snapshot-")
+    else:
+        with cache.translate_write_errors():
+            cache.folder.mkdir(parents=True, exist_ok=True)
+            workspace = blender.workspace(".reading-", cache.folder)
+    output = workspace / "made.snapshot"
+    answer = blender.request(
+        {
+            "kind": "snapshot",
+            # The folder is resolved and the file is not: what it links lies beside the name.
+            "blend": str(scene.path.resolve() / BLEND),
+            "output": str(output),
+            "passing": cache is None,
+        }
+    )
+    names = answer["dependencies"]
+    known = hashed_dependencies(scene, names, files, read_by=BLEND)
+    # The file may have been replaced meanwhile: what was hashed must be what was read.
+    if not is_still(scene.path, BLEND, hashed):
+        raise _changed_error(scene, BLEND)
+    return _NewSnapshot(snapshot=output, files=known, names=names, watched=answer["watched"])
+
+
+def _from_glb(scene: SceneFolder, hashed: FileHash, files: FrozenFiles) -> _NewSnapshot:
+    """Read scene.glb here, without Blender."""
+    from legoworld.scene.gltf.buffers import external_files
+    from legoworld.scene.gltf.container import parse_glb
+    from legoworld.scene.gltf.snapshot import snapshot_of_glb
+
+    data = scene.file(GLB).read_bytes()
+    if hashlib.sha256(data).hexdigest() != hashed.sha256:
+        raise _changed_error(scene, GLB)
+    parsed = parse_glb(data)
+    names = external_files(parsed.document, scene.path)
+    known = hashed_dependencies(scene, names, files, read_by=GLB)
+    snapshot = snapshot_of_glb(parsed, scene.path)
+    # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
+    if hash_files(scene.path, names) != known.dependencies:
+        raise _changed_error(scene, GLB)
+    return _NewSnapshot(snapshot=snapshot, files=known, names=names, watched=[])
+
+
+def _load_uncached(made: _NewSnapshot) -> tuple[Snapshot, str]:
+    """A snapshot that is not kept, and its content hash."""
+    if isinstance(made.snapshot, Path):
+        return load(made.snapshot, passing=True)
+    return made.snapshot, made.snapshot.content_sha256()
+
+
+def _store_in_cache(
+    made: _NewSnapshot, hashed: FileHash, cache: SnapshotCache
+) -> tuple[Snapshot, str]:
+    """A snapshot that is put into the cache, and its content hash."""
+    stored = cache.snapshot_path(hashed.sha256, made.files.dependencies)
+    with cache.translate_write_errors():
+        if isinstance(made.snapshot, Path):
+            stored.parent.mkdir(parents=True, exist_ok=True)
+            made.snapshot.replace(stored)
+            kept = load(stored)
+        else:
+            kept = made.snapshot, save(made.snapshot, stored)
+        cache.put_dependencies(hashed.sha256, made.names, made.watched)
+    return kept
+
+
+def read_hashed_side_file(
+    scene: SceneFolder, name: str, kind: type[T], files: FrozenFiles
+) -> SideFile[T] | None:
+    """A side file that is among the hashed artefacts; None where there is none.
+
+    Raises as `read_side_file` does, and SceneInvalidError if it changed after it was hashed.
+    """
+    side_file, hashed = read_side_file(scene.path, name, kind), files.artefacts.get(name)
+    if (side_file and side_file.sha256) != (hashed and hashed.sha256):
+        raise _changed_error(scene, name)
+    return side_file
+
+
+def _changed_error(scene: SceneFolder, name: str) -> SceneInvalidError:
+    """What to raise for a file that was replaced while it was read; frozen.json is asked first."""
+    checked_artefacts(scene, require_frozen=False)
+    return SceneInvalidError(
+        f"{name} changed while it was read",
+        found="another sha256 after reading than before",
+        expected="a scene that is not being written to",
+        next_step="wait until the scene is complete, then run again",
+    )

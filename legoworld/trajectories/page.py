@@ -1,0 +1,206 @@
+"""A trial in lines, and trials as one page to scrub through."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, select_autoescape
+from markupsafe import Markup
+
+from legoworld.errors import LegoWorldError
+from legoworld.files import write_text
+from legoworld.readouts.pictures import read_photo
+from legoworld.records.base import as_json, decode
+from legoworld.records.evaluation_summary import Interval
+from legoworld.records.trajectory_page import PageStep, PageTrial
+from legoworld.records.trajectory_scores import (
+    AgentTable,
+    ScoredScene,
+    TrajectoryFile,
+    TrajectoryScore,
+)
+from legoworld.scene.folder import PICTURE
+from legoworld.scene.pictures import MOST_PHOTO_PX, MOST_PX
+from legoworld.tables.html import html
+from legoworld.tables.table import Cell, Number, Table, table
+from legoworld.trajectories.curves import drops, moments
+from legoworld.trajectories.folder import RecordedTrial
+from legoworld.trajectories.score_checkpoints import TRAJECTORIES, slot_folder, tokens_until
+
+_PAGE: Final = Path(__file__).with_name("page")
+_LONGEST_PX: Final = 480
+_CODE_CHARACTERS: Final = 6000
+
+
+def calls_table(trial: RecordedTrial, score: TrajectoryScore | None) -> Table:
+    """One row a call: number, seconds, command, status, checkpoint, Q, and what it said."""
+    q = _scenes_by_call(score)
+    rows = [
+        (
+            call.number,
+            Number(value=call.at_s, digits=1),
+            call.command,
+            call.status,
+            call.checkpoint or "",
+            Number(value=q[call.number].Q) if call.number in q else "",
+            call.said[:60],
+        )
+        for call in trial.calls
+    ]
+    return table(["call", "s", "command", "status", "checkpoint", "Q", "said"], rows)
+
+
+def read_scores(folder: Path | None) -> TrajectoryFile | None:
+    """trajectories.json of a folder of scores; None without a folder."""
+    return None if folder is None else decode(TrajectoryFile, (folder / TRAJECTORIES).read_bytes())
+
+
+def find_score(scores: TrajectoryFile | None, trial: RecordedTrial) -> TrajectoryScore | None:
+    """The score with a trial's image, agent and ending."""
+    about = trial.about
+    matching = [
+        score
+        for score in (scores.trials if scores else ())
+        if (score.scene, score.agent, score.seconds)
+        == (about.scene, about.agent, about.agent_seconds)
+    ]
+    return matching[0] if matching else None
+
+
+def write_page(
+    trials: Sequence[RecordedTrial], path: Path, *, photos: Path | None, scores: Path | None
+) -> None:
+    """One HTML file: for each trial the photo, the render, Q and the code of every step.
+
+    Renders are those of the scored checkpoints; without scores there is the submission's alone.
+    """
+    document = read_scores(scores)
+    shown = [_trial(trial, find_score(document, trial), photos, scores) for trial in trials]
+    environment = Environment(
+        loader=FileSystemLoader(_PAGE), autoescape=select_autoescape(default=True)
+    )
+    page = environment.get_template("page.html").render(
+        data=json.dumps(as_json(shown)).replace("<", "\\u003c"),
+        tables=[Markup(html(table)) for table in _tables(document)],
+    )
+    write_text(path, page)
+
+
+def _trial(
+    trial: RecordedTrial, score: TrajectoryScore | None, photos: Path | None, scores: Path | None
+) -> PageTrial:
+    about = trial.about
+    lowered = {edit.call: edit for edit in (drops(score) if score else ())}
+    scenes = _scenes_by_call(score)
+    steps: list[PageStep] = []
+    render, shown = None, None
+    numbers = {checkpoint.call: n for n, checkpoint in enumerate(trial.live)}
+    whens = moments(
+        [call.at_s + call.seconds for call in trial.calls],
+        [call.number for call in trial.calls],
+        seconds=about.agent_seconds,
+        n_calls=len(trial.calls),
+        tokens=tokens_until(trial.trajectory),
+    )
+    for call, when in zip(trial.calls, whens, strict=True):
+        if call.number in numbers and scores is not None:
+            folder = slot_folder(scores, trial, numbers[call.number])
+            render = _picture(folder / about.scene / PICTURE)
+            shown = call.number
+        scene, edit = scenes.get(call.number), lowered.get(call.number)
+        steps.append(
+            PageStep(
+                number=call.number,
+                at_s=call.at_s,
+                command=call.command,
+                status=call.status,
+                code=(call.code or "")[:_CODE_CHARACTERS],
+                said=call.said,
+                Q=scene.Q if scene else None,
+                R=scene.R if scene else None,
+                A=scene.A if scene else None,
+                reason=scene.reason if scene else "",
+                drop=_worst(edit.cause) if edit else None,
+                lost=edit.d_q if edit else None,
+                shares=(when.calls_share, when.wall_share, when.tokens_share),
+                render=render,
+                shown=shown,
+            )
+        )
+    photo = None if photos is None else _picture(photos / about.file_name, MOST_PHOTO_PX)
+    return PageTrial(
+        scene=about.scene,
+        agent=about.agent,
+        status=about.status,
+        ended=about.ended,
+        seconds=about.agent_seconds,
+        photo=photo,
+        final=_picture(trial.folder / PICTURE),
+        final_q=score.final_q if score else None,
+        regret=score.regret if score else None,
+        steps=tuple(steps),
+    )
+
+
+def _scenes_by_call(score: TrajectoryScore | None) -> dict[int, ScoredScene]:
+    """The scored checkpoint that a call left, by the call."""
+    return {s.call: s for s in score.scenes if s.ordinal is not None} if score else {}
+
+
+def _worst(cause: Mapping[str, float]) -> str:
+    return min(cause, key=lambda name: cause[name])
+
+
+def _tables(document: TrajectoryFile | None) -> list[Table]:
+    if document is None:
+        return []
+    named = [agents_table(document.agents, title="All images")]
+    if document.common is not None:
+        title = f"The {len(document.common_images)} common images"
+        named.append(agents_table(document.common, title=title))
+    return named
+
+
+def _picture(path: Path, most_px: int = MOST_PX) -> str | None:
+    """A picture as a data URL, at most `_LONGEST_PX` long; None where there is none."""
+    if not path.is_file():
+        return None
+    try:
+        picture = read_photo(path, most_px=most_px)
+    except (LegoWorldError, OSError):
+        return None
+    height, width = picture.shape[:2]
+    shrink = min(1.0, _LONGEST_PX / max(height, width))
+    size = max(1, round(width * shrink)), max(1, round(height * shrink))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    done, data = cv2.imencode(".webp", small[:, :, ::-1], [cv2.IMWRITE_WEBP_QUALITY, 75])
+    return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode() if done else None
+
+
+def agents_table(agents: Sequence[AgentTable], *, title: str = "") -> Table:
+    """The means of agents side by side, one row a measure."""
+    rows: list[list[Cell]] = [
+        [name, *(_number(agent.means[name].value, agent.means[name].interval) for agent in agents)]
+        for name in (agents[0].means if agents else ())
+    ]
+    return table(["mean over trials", *(agent.agent for agent in agents)], rows, title=title)
+
+
+def _number(value: float | None, interval: Interval | None) -> Number:
+    return Number(value=value, ends=interval.ends if interval else None, digits=3)
+
+
+def final_scores(document: TrajectoryFile) -> Callable[[str, int | None], float | None]:
+    """Q of a scene's checkpoint, or of its submission for None; None where it has none."""
+    known = {
+        (trial.scene, scene.ordinal): scene.Q or 0.0
+        for trial in document.trials
+        for scene in trial.scenes
+    }
+    return lambda scene, ordinal: known.get((scene, ordinal))

@@ -1,0 +1,190 @@
+"""Choose another submission from a trial's checkpoints, using public data only."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from legoworld.endpoint.blender import BlenderEndedError
+from legoworld.endpoint.finalisation import export_submission
+from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
+from legoworld.files import write_text
+from legoworld.plugin.evidence import read_evidence
+from legoworld.plugin.measure import measure
+from legoworld.plugin.state import read_live
+from legoworld.records.base import Record, RecordError, decode, readable
+from legoworld.records.endpoint import Checkpoint
+from legoworld.records.plugin_requirements import Report, Requirement
+from legoworld.running.freeze_run import freeze_scene
+from legoworld.scene.blender_process import BlenderProcess, Limits
+from legoworld.scene.folder import PROVENANCE, SceneFolder
+from legoworld.trajectories.clearly_better import clearly_best
+from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, RecordedTrial, recorded_trials
+from legoworld.workers.protections import Protections
+from legoworld.workers.sandbox import SandboxLimits
+from legoworld.workers.scratch import scratch_folder
+
+By = Literal["last", "residuals"]
+PICKED: Final = "picked.json"
+REQUIREMENTS: Final = "requirements.json"
+
+
+class Pick(Record, frozen=True, kw_only=True):
+    """picked.json of a scene folder: which checkpoint was taken, and the public reason.
+
+    ordinal: null where no checkpoint opens; passed, failed, unknown: of the requirements, by
+    checkpoint, empty for `last`.
+    """
+
+    by: By
+    scene: str
+    ordinal: int | None
+    sha256: str | None
+    submitted: int | None
+    passed: dict[str, tuple[int, int, int]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PickPlan:
+    """Settings of a pick. evidence: a folder with <scene>/requirements.json and its evidence."""
+
+    by: By
+    evidence: Path | None
+    limits: SandboxLimits
+    held: Protections
+    notice: Callable[[str], None]
+
+
+def pick(scenes: Path, output: Path, plan: PickPlan) -> list[Pick]:
+    """Write each trial's chosen checkpoint as a frozen scene folder into `output`."""
+    if plan.by == "residuals" and plan.evidence is None:
+        raise UsageError(
+            "residuals need something to measure against",
+            found="no --evidence",
+            expected="a folder with <scene>/requirements.json and the scene's public evidence",
+            next_step="make it with `legoworld plugin evidence`",
+        )
+    picks = []
+    with BlenderProcess(Limits(memory_bytes=plan.limits.memory_bytes)) as blender:
+        for trial in recorded_trials(scenes):
+            chosen, counts = _choose_checkpoint(trial, plan, blender)
+            target = output / trial.folder.relative_to(scenes)
+            picks.append(_deliver(trial, chosen, counts, target, plan, blender))
+            plan.notice(f"{trial.about.scene}: checkpoint {picks[-1].ordinal}")
+    return picks
+
+
+def _choose_checkpoint(
+    trial: RecordedTrial, plan: PickPlan, blender: BlenderProcess
+) -> tuple[Checkpoint | None, dict[str, tuple[int, int, int]]]:
+    """The checkpoint to take: the last, or one that keeps its requirements clearly better."""
+    if not trial.live:
+        return None, {}
+    if plan.by == "last":
+        return trial.live[-1], {}
+    assert plan.evidence is not None
+    folder = plan.evidence / trial.about.scene
+    try:
+        requirements = decode(list[Requirement], (folder / REQUIREMENTS).read_bytes())
+    except (OSError, RecordError) as error:
+        raise UsageError(
+            f"the requirements of {trial.about.scene} cannot be read",
+            found=cause(error),
+            expected=f"{REQUIREMENTS}: a list of the plugin's requirements",
+        ) from error
+    evidence = read_evidence(folder) if (folder / "evidence.json").is_file() else None
+    reports: dict[Checkpoint, Report] = {}
+    for checkpoint in trial.live:
+        try:
+            scene = read_live(trial.blend(checkpoint), blender)
+            reports[checkpoint] = measure(scene, requirements, evidence)
+        except LegoWorldError as error:
+            plan.notice(f"{trial.about.scene}, checkpoint {checkpoint.ordinal}: {error}")
+    counts = {str(c.ordinal): _count_verdicts(report) for c, report in reports.items()}
+    if not reports:
+        return trial.live[-1], counts
+    return list(reports)[clearly_best(list(reports.values()))], counts
+
+
+def _count_verdicts(report: Report) -> tuple[int, int, int]:
+    verdicts = [result.verdict for result in report.results]
+    return verdicts.count("pass"), verdicts.count("fail"), verdicts.count("unknown")
+
+
+def _deliver(
+    trial: RecordedTrial,
+    chosen: Checkpoint | None,
+    counts: Mapping[str, tuple[int, int, int]],
+    target: Path,
+    plan: PickPlan,
+    blender: BlenderProcess,
+) -> Pick:
+    """Export the chosen checkpoint, with the trial's records beside it, and freeze it."""
+    if target.exists():
+        raise UsageError(
+            f"{target} is there already", found="a folder", expected="a new folder of scenes"
+        )
+    record = Pick(
+        by=plan.by,
+        scene=trial.about.scene,
+        ordinal=None if chosen is None else chosen.ordinal,
+        sha256=None if chosen is None else chosen.sha256,
+        submitted=trial.about.finalisation.checkpoint,
+        passed=dict(counts),
+    )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with scratch_folder(".picking-", target.parent) as scratch:
+        made = scratch / "made"
+        made.mkdir()
+        (scratch / "workspace").mkdir()
+        for name in (PROVENANCE, RECONSTRUCTION, TRAJECTORY):
+            shutil.copyfile(trial.folder / name, made / name)
+        write_text(made / PICKED, readable(record))
+        if chosen is not None:
+            _export(trial, chosen, made, scratch / "workspace", plan, blender)
+            freeze_scene(
+                SceneFolder(path=made, name=trial.about.scene), blender=blender, cache=None
+            )
+        made.rename(target)
+    return record
+
+
+def _export(
+    trial: RecordedTrial,
+    chosen: Checkpoint,
+    made: Path,
+    workspace: Path,
+    plan: PickPlan,
+    blender: BlenderProcess,
+) -> None:
+    try:
+        export_submission(
+            trial.blend(chosen),
+            made,
+            workspace=workspace,
+            limits=plan.limits,
+            held=plan.held,
+            blender=blender,
+        )
+    except (BlenderEndedError, SceneInvalidError) as error:
+        plan.notice(f"{trial.about.scene}: checkpoint {chosen.ordinal} is not exported: {error}")
+
+
+def saved_regret(
+    picks: Sequence[Pick], q_of: Callable[[str, int | None], float | None]
+) -> tuple[float, int] | None:
+    """Mean regret that the picks save over the scored scenes, and the number of those scenes.
+
+    q_of: Q of a scene's checkpoint, and of its submission for None.
+    """
+    saved = [
+        q - submitted
+        for pick in picks
+        if pick.ordinal is not None
+        and (q := q_of(pick.scene, pick.ordinal)) is not None
+        and (submitted := q_of(pick.scene, None)) is not None
+    ]
+    return (sum(saved) / len(saved), len(saved)) if saved else None
