@@ -23,6 +23,7 @@ from legoworld.commands import (
     run_text,
     sources,
 )
+from legoworld.commands.output import Output
 from legoworld.records.agents import Usage
 from legoworld.records.frozen import FrozenRow, Verdict
 from legoworld.records.instances import InstanceRow
@@ -60,7 +61,7 @@ def compared(**said: Any) -> Any:
 
 
 def shown(found: Any, capsys: Any, **how: bool) -> tuple[int, str, str]:
-    code = sources.show(found, **{"as_json": False, "quiet": False, "verbose": False, **how})
+    code = sources.show(found, Output(**how))
     said = capsys.readouterr()
     return code, said.out, said.err
 
@@ -138,7 +139,9 @@ def test_the_instances_of_a_scene_in_words(tmp_path: Path, capsys: Any) -> None:
         camera=SimpleNamespace(name="Camera", type="PERSP", lens_mm=35.0),
         render=SimpleNamespace(unit_scale=0.01, frame=7),
     )  # fmt: skip
-    inspect_command._print(view, tmp_path, quiet=False, verbose=False)  # type: ignore[arg-type]
+    Output(quiet=False, verbose=False).show(
+        {}, inspect_command._lines(view, tmp_path, Output(quiet=False, verbose=False))
+    )  # type: ignore[arg-type]
     said = capsys.readouterr()
     lines = said.out.splitlines()
     assert lines[2].split() == ["41", "thing", "41", "2", "-", "9", "1", "2", "3", "4"]
@@ -156,7 +159,9 @@ def test_the_instances_of_a_scene_in_words(tmp_path: Path, capsys: Any) -> None:
         f"-> {tmp_path}",
     ]
     assert said.err == "warning: odd\n"
-    inspect_command._print(view, None, quiet=True, verbose=True)  # type: ignore[arg-type]
+    Output(quiet=True, verbose=True).show(
+        {}, inspect_command._lines(view, None, Output(quiet=True, verbose=True))
+    )  # type: ignore[arg-type]
     said = capsys.readouterr()
     assert said.err == ""
     assert "more (-v" not in said.out
@@ -328,13 +333,6 @@ def test_the_calls_of_a_trial_and_its_score(
     lines = capsys.readouterr().out.splitlines()
     assert lines[3].endswith("; submitted: its last scene")
     assert lines[4:] == ["final Q 0.5000, regret 0.1250"]
-    monkeypatch.setattr(f"{place}.showing.score_of", lambda *_: {"final_q": 0.5})
-    trial.about = {"agent": "codex"}
-    assert cli.run([*words, "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert (document["trial"], document["calls"], document["score"]) == (
-        {"agent": "codex"}, ["a call"], {"final_q": 0.5},
-    )  # fmt: skip
 
 
 def test_the_calls_of_a_ledger(
@@ -437,7 +435,7 @@ def predicted(n_bad: int, task: str = "coco", **said: Any) -> Any:
 def test_what_a_baseline_made_in_words(
     found: Any, line: str, made: str, tmp_path: Path, capsys: Any
 ) -> None:
-    code = baseline_output.show(found, tmp_path, as_json=False, verbose=True)
+    code = baseline_output.show(found, tmp_path, Output(as_json=False, verbose=True))
     lines = capsys.readouterr().out.splitlines()
     assert code == (len(found.rows) > 1)
     assert lines[0].split() == ["image", "photo", "status", "predicted"]
@@ -447,7 +445,7 @@ def test_what_a_baseline_made_in_words(
         *(f"failed: {k}.jpg (image {k}): no" for k in range(1, len(found.rows))),
         f"{line} -> {tmp_path}",
     ]
-    baseline_output.show(found, tmp_path, as_json=True, verbose=True)
+    baseline_output.show(found, tmp_path, Output(as_json=True, verbose=True))
     document = json.loads(capsys.readouterr().out)
     assert document["run"] == str(tmp_path)
     assert len(document["rows"]) == len(found.rows)
@@ -457,7 +455,7 @@ def test_what_a_baseline_made_in_words(
 def test_fifty_failures_are_listed(
     n_bad: int, more: list[str], tmp_path: Path, capsys: Any
 ) -> None:
-    baseline_output.show(predicted(n_bad), tmp_path, as_json=False, verbose=False)
+    baseline_output.show(predicted(n_bad), tmp_path, Output(as_json=False, verbose=False))
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 50 + len(more) + 1
     assert lines[50:-1] == [f"{text}{tmp_path / 'per_image.jsonl'}" for text in more]
@@ -469,8 +467,9 @@ def test_fifty_failures_are_listed(
 def test_evaluate_speaks_on_a_terminal_or_with_v_and_warns_always_but_with_q(
     verbose: bool, quiet: bool, terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    monkeypatch.setattr("legoworld.commands.options.on_terminal", lambda: terminal)
-    with evaluate_command._open_listener(quiet=quiet, verbose=verbose) as listener:
+    for module in ("output", "evaluate_command"):
+        monkeypatch.setattr(f"legoworld.commands.{module}.on_terminal", lambda: terminal)
+    with evaluate_command._open_listener(Output(quiet=quiet, verbose=verbose)) as listener:
         listener.notice("a notice")
         listener.warn("a warning")
     said = capsys.readouterr().err.splitlines()

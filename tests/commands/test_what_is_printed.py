@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from legoworld import cli
-from legoworld.commands import doctor_command, options
+from legoworld.commands import doctor_command, output
+from legoworld.commands.output import Output
 from legoworld.commands.progress import LineProgress
 from legoworld.records.run_rows import RunRow
 from legoworld.tables.terminal import WIDTH, within_width
@@ -21,7 +22,7 @@ WORDS = "several words that are longer than a line may be " * 4
 def test_the_widest_column_of_a_wide_table_is_wrapped(place: int) -> None:
     row = ["one", "two", "three"]
     row[place] = WORDS
-    text = options.table(("a", "b", "c"), [row, ["x", "y", "z"]])
+    text = output.table(("a", "b", "c"), [row, ["x", "y", "z"]])
     lines = text.splitlines()
     assert max(map(len, lines)) <= WIDTH
     assert len(lines) > 4
@@ -36,21 +37,21 @@ def test_a_table_as_wide_as_it_may_be_is_left_alone() -> None:
     left = WIDTH - 2 - len("number")
     just, more = ("w" * (left // 2 - 1) + " " + "w" * (left - left // 2 + n) for n in (0, 1))
     for text, lines in ((just, 3), (more, 4)):
-        assert len(options.table(("words", "number"), [(text, 12)]).splitlines()) == lines
+        assert len(output.table(("words", "number"), [(text, 12)]).splitlines()) == lines
 
 
 @pytest.mark.parametrize(("other", "lines"), [(82, 6), (83, 1)])
 def test_a_column_is_wrapped_to_16_and_never_narrower(other: int, lines: int) -> None:
     rows = [("w" * 45 + " " + "w" * 40, "o" * other)]
-    text = options.table(("a", "b"), rows).splitlines()
+    text = output.table(("a", "b"), rows).splitlines()
     assert len(text) == 2 + lines
     assert len(text[1].split()[0]) == (16 if lines > 1 else 86)
-    assert len(options.table(("h" * 17, "b"), rows).splitlines()) == 3, "its title is wider"
+    assert len(output.table(("h" * 17, "b"), rows).splitlines()) == 3, "its title is wider"
 
 
 def test_numbers_and_what_is_absent_stand_on_the_right() -> None:
     rows = [("a", 1, "1"), ("bb", 22.5, "2"), ("c", "-", "10"), ("d", "", "")]
-    assert options.table(("name", "n", "text"), rows).splitlines() == [
+    assert output.table(("name", "n", "text"), rows).splitlines() == [
         "name     n  text",
         "----  ----  ----",
         "a        1  1",
@@ -58,7 +59,7 @@ def test_numbers_and_what_is_absent_stand_on_the_right() -> None:
         "c        -  10",
         "d",
     ]
-    assert options.table(("name", "n"), []).splitlines() == ["name  n", "----  -"]
+    assert output.table(("name", "n"), []).splitlines() == ["name  n", "----  -"]
 
 
 def test_long_lines_are_wrapped_and_indented() -> None:
@@ -71,10 +72,10 @@ def test_long_lines_are_wrapped_and_indented() -> None:
 
 
 def test_the_hint_can_be_pasted_into_a_shell() -> None:
-    assert options.report_hint("my evals/a", photos=True) == (
+    assert output.report_hint(Path("my evals/a"), photos=True) == (
         "look at it: legoworld report 'my evals/a' --photos PHOTOS -o report.html"
     )
-    assert options.report_hint("e", photos=False) == (
+    assert output.report_hint(Path("e"), photos=False) == (
         "look at it: legoworld report e -o report.html"
     )
 
@@ -83,11 +84,14 @@ def test_notices_end_with_quiet_and_tracebacks_begin_with_verbose(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     said = []
-    for word in (options.notifier, options.tracer):
-        for given in (False, True):
-            word(given)("a notice")
-            said.append(capsys.readouterr())
-    assert [one.err for one in said] == ["a notice\n", "", "", "a notice\n"]
+    for given in ({}, {"quiet": True}, {"verbose": True}, {"verbose": True, "quiet": True}):
+        Output(**given).notice("a notice")
+        said.append(capsys.readouterr())
+        Output(**given).trace("a trace")
+        said.append(capsys.readouterr())
+    assert [one.err for one in said] == [
+        "a notice\n", "", "", "", "a notice\n", "a trace\n", "", "a trace\n",
+    ]  # fmt: skip
     assert {one.out for one in said} == {""}
 
 
@@ -169,7 +173,7 @@ def test_lines_of_a_resumed_run_count_what_was_kept_and_not_its_time() -> None:
     now, said = [10.0], []
     step = LineProgress("scene", said.append, lambda: now[0])
     step.total(10)
-    step.kept(7)
+    step.count_kept(7)
     for number in range(8, 11):
         now[0] += 1.5
         step(RunRow(image_id=number, file_name="", status="ok"))
@@ -181,5 +185,5 @@ def test_words_are_never_cut_at_a_hyphen() -> None:
     assert within_width(text).splitlines() == [
         ("word " * 19).rstrip(), "  a-name-with-hyphens and more"
     ]  # fmt: skip
-    cells = options.table(("a", "b"), [(text, "x")]).splitlines()
+    cells = output.table(("a", "b"), [(text, "x")]).splitlines()
     assert any("a-name-with-hyphens" in line for line in cells)
