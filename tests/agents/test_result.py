@@ -127,7 +127,7 @@ def test_the_plugin_and_its_calls_are_told(written, tmp_path, monkeypatch):
         trial_result, "read_plugin_calls", lambda path: counted.append(path) or calls
     )
     used = PluginUsed(version="1", modules=("records",))
-    row, provenance, _ = written(plan(plugin=SimpleNamespace(used=used)), outcome())
+    row, provenance, _ = written(plan(plugin=SimpleNamespace(provenance=used)), outcome())
     assert counted == [tmp_path / TRIAL / "plugin"]
     assert (row.plugin, row.plugin_calls) == (used, calls)
     assert provenance["plugin"] == {"name": "legoworld", "version": "1", "modules": ["records"]}

@@ -55,7 +55,7 @@ def compared(**said: Any) -> Any:
     )
     known = {
         "blend": side, "glb": side, "pairs": (), "unseen": 1, "lost": (), "gained": (),
-        "differences": (), "disagreeing": 0, "differing_px": 5, "faithful": True,
+        "differences": (), "n_disagreeing": 0, "differing_px": 5, "faithful": True,
     }  # fmt: skip
     return SimpleNamespace(**{**known, **said})
 
@@ -72,7 +72,7 @@ def shown(found: Any, capsys: Any, **how: bool) -> tuple[int, str, str]:
 def test_pairs_that_disagree_are_all_listed_and_forty_at_least(
     pairs: int, disagreeing: int, listed: int, capsys: Any
 ) -> None:
-    found = compared(pairs=tuple(map(pair, range(pairs))), disagreeing=disagreeing)
+    found = compared(pairs=tuple(map(pair, range(pairs))), n_disagreeing=disagreeing)
     _, said, _ = shown(found, capsys)
     assert said.count("1.00000") == listed
     more = f"... and {pairs - listed} more that agree (-v lists them)\n"
@@ -90,7 +90,7 @@ def test_two_sources_in_words(capsys: Any) -> None:
             pair(2, blend_category=None, glb_category=None),
             pair(3, glb_category=None),
         ),
-        disagreeing=1,
+        n_disagreeing=1,
         lost=(entry(1, 7), entry(2, 9, category="cup"), entry(3)),
         gained=tuple(entry(k, k) for k in range(1, 23)),
         differences=("the camera",),
