@@ -42,6 +42,7 @@ NORMALS: Final = Family(
     comparison="legoworld.comparison.normals:COMPARISON",
     page="legoworld.report.normals_page:PAGE",
     track="legoworld.track_making.normals:TRACK",
+    baseline="legoworld.baselines.normals:BASELINE",
     by_policy=True,
     options=frozenset({"max_side"}),
 )

@@ -135,7 +135,8 @@ def read_normals(
             f"{path.name} does not say which way its normals point",
             found=f"sign {sign!r}",
             expected=" | ".join(SIGNS),
-            next_step="declare it: a frontal wall is (0, 0, -1) towards the camera, (0, 0, 1) away",
+            next_step=f"state sign in {DECLARATION}, or --sign of an import: a frontal wall is "
+            "(0, 0, -1) towards the camera, (0, 0, 1) away from it",
         )
     return NormalsArray(values=values, sign=sign, stored=stored)
 
