@@ -227,7 +227,7 @@ def test_every_task_reads_out_what_its_card_says(tmp_path):
         reading = protocol(name, None)
         assert reading.task is task
         assert task.name == name == reading.card.task
-        payload = {"boxes": "bbox", "masks": "segmentation", "depth": None,
+        payload = {"boxes": "bbox", "masks": "segmentation", "depth": None, "normals": None,
                    "surface_and_render": None}  # fmt: skip
         payload = payload[reading.card.value("readout.reads")]
         if payload is None:
