@@ -177,7 +177,7 @@ class SceneView:
         """(H, W) float32: planar depth in metres along the optical axis, +inf for no hit."""
         return self._inspection.view.buffers.depth_z_m
 
-    @checked
+    @check_arguments
     def normals(self) -> NDArray[np.float32]:
         """(H, W, 3) float32: unit normals of the triangles shown, NaN for no hit.
 

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.baselines.baseline_import import ImportRequest
-from legoworld.baselines.family import BaselineFamily, Telling
+from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
 from legoworld.baselines.pixel_matching import Naming
 from legoworld.evaluation.normals.arrays import (
@@ -29,7 +29,7 @@ from legoworld.files import sha256_of_file, write_npz
 from legoworld.readouts.normals import NORMALS_FILE
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported
 from legoworld.records.run_rows import NormalsFile
-from legoworld.running.image_record import row_of
+from legoworld.running.image_record import initial_row
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
 
@@ -87,12 +87,12 @@ def _record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
         sign=array.sign,
         finite_px=int(valid_normals(array.values).sum()),
     )
-    row = replace(row_of(image), rendered_wh=array.size_wh, normals=file)
+    row = replace(initial_row(image), rendered_wh=array.size_wh, normals=file)
     return ImageRecord(row=row, scene=source)
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: Telling
+    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
 ) -> RunResult:
     telling.total(len(request.track.images))
     answers = normals_source(source, options)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
-from legoworld.depth_files.reading import npz_contents, read_npz_array, read_picture
+from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
 from legoworld.errors import cause
 from legoworld.evaluation.normals.errors import NormalsTruthError
 from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored

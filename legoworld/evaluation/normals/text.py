@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
 from legoworld.evaluation.normals.protocol import ANGLES, ERROR_90, FAILS, RESOLUTION_DEG
-from legoworld.evaluation.short_text import evaluator_of, first_few, fraction, image_counts
-from legoworld.pluralize import counted
+from legoworld.evaluation.short_text import describe_evaluator, first_few, fraction, image_counts
+from legoworld.pluralize import plural
 from legoworld.records.normals import NormalsSummary
 
 
@@ -15,8 +15,8 @@ def short_normals(summary: NormalsSummary) -> str:
     angles = [f"{name} {_degrees(pooled[name][ERROR_90])}" for name in ANGLES]
     shares = [f"{name} {fraction(pooled[name][FAILS])}" for name in pooled if name not in ANGLES]
     lines = [
-        f"{evaluator_of(summary)}: {image_counts(summary.coverage)}",
-        f"{counted(summary.pooled_px, 'pixel', 'pixels')} pooled: {', '.join([*angles, *shares])}",
+        f"{describe_evaluator(summary)}: {image_counts(summary.coverage)}",
+        f"{plural(summary.pooled_px, 'pixel', 'pixels')} pooled: {', '.join([*angles, *shares])}",
     ]
     few = first_few(_not_scored(summary), "image without a score", "images without a score")
     return "\n".join([*lines, *few])
@@ -30,7 +30,7 @@ def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
             name=name,
             policy=policy,
             number=number(value),
-            over=counted(pixels[policy == "exclude"], "pixel", "pixels"),
+            over=plural(pixels[policy == "exclude"], "pixel", "pixels"),
         )
         for name, by_policy in summary.pooled.items()
         for policy, value in by_policy.items()
@@ -44,7 +44,7 @@ def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
     )
     (means,) = metric_parts(summary)
     every = summary.all_attempted
-    images = counted(every.images, "image", "images")
+    images = plural(every.images, "image", "images")
     over = f"{images} with truth, {every.missing} of them without a score at {every.missing_deg:g}"
     rows = [
         MetricRow(
@@ -63,7 +63,7 @@ def normals_notes(summary: NormalsSummary) -> list[str]:
     by_status = ", ".join(f"{n} {name}" for name, n in summary.coverage.by_status.items())
     lines = [
         f"images: {by_status}; {summary.resampled} resampled, "
-        f"{counted(summary.warnings, 'warning', 'warnings')}",
+        f"{plural(summary.warnings, 'warning', 'warnings')}",
         f"mean share of truth pixels that are holes: {fraction(summary.mean_hole_share)}",
         *_not_scored(summary),
     ]
