@@ -188,7 +188,7 @@ def _counts(summary: RunSummary) -> str:
 
 
 def _exports(task: str) -> str:
-    """boxes, masks or depth."""
+    """boxes, masks, depth or normals."""
     from legoworld.cards import load_card
 
     return load_card(task).reads

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, Final
 
@@ -99,7 +99,7 @@ def _metrics(
     sum_deg2: float,
     below: Sequence[int],
     holes: int,
-    medians: dict[str, float],
+    medians: Mapping[str, float],
 ) -> Metrics:
     every = n + holes
     mean, median, rmse = ANGLES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
@@ -23,9 +24,10 @@ from legoworld.evaluation.normals.protocol import (
 from legoworld.evaluation.normals.rows import measure_normals
 from legoworld.evaluation.normals.summary import summarise
 from legoworld.evaluation.normals.text import normals_metrics, normals_notes, short_normals
-from legoworld.evaluation.normals.truth import find_truth, load_truth
+from legoworld.evaluation.normals.truth import NormalsTruthFile, find_truth, load_truth
 from legoworld.evaluation.pixels.evaluate import evaluate_pixels
-from legoworld.evaluation.pixels.family import PixelErrors, PixelFamily, Settings
+from legoworld.evaluation.pixels.family import Options, PixelErrors, PixelFamily, Settings
+from legoworld.evaluation.pixels.predictions import PixelRun
 from legoworld.evaluation.pixels.verification import verify_pixels
 from legoworld.readouts.normals import NORMALS_FILE
 from legoworld.records.folders.evaluation_folder import installed_versions
@@ -67,11 +69,11 @@ def _protocol(task: str) -> NormalsProtocol:
     return normals_protocol(load_card(task))
 
 
-def _any(_run: object, _files: object, _options: object) -> None:
+def _any(_run: PixelRun, _files: Sequence[NormalsTruthFile], _options: Options) -> None:
     """No option has to fit to run and truth."""
 
 
-def _no_options(_summary: object) -> dict[str, object]:
+def _no_options(_summary: NormalsSummary) -> Options:
     return {}
 
 
