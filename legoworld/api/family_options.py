@@ -33,7 +33,7 @@ def options_by_task(tasks: Sequence[str], **given: Any) -> dict[str, dict[str, A
     for name in named:
         if not any(name in own for own in taken.values()):
             takers = [other for other in known_tasks() if name in other.family.options]
-            what = ", ".join(dict.fromkeys(other.family.noun for other in takers))
+            what = " and ".join(dict.fromkeys(other.family.noun for other in takers))
             raise UsageError(
                 f"{_OPTIONS.get(name, '--' + name.replace('_', '-'))} is for {what} alone",
                 found=f"a run of {' and '.join(tasks)}",

@@ -154,7 +154,7 @@ def readout(
     the file of each scene to read. workers: Blender processes, None for one per core. limit: read
     the first images only; image_ids: read these images only; shard: (i, n), read every n-th image
     only, starting at the i-th. images_per_file: divide the predictions into files of this many
-    images. max_side: depth only, longest side of the rendered image in pixels. render,
+    images. max_side: depth and normals only, longest side of the rendered image in pixels. render,
     render_noise: bench only, whether A's picture is rendered, and a second seed of it. overwrite:
     delete the results of an earlier run first. fail_fast: stop at the first scene that cannot be
     read. The limits apply to each Blender process. started: a Blender process already running with

@@ -177,6 +177,15 @@ class SceneView:
         """(H, W) float32: planar depth in metres along the optical axis, +inf for no hit."""
         return self._inspection.view.buffers.depth_z_m
 
+    @check_arguments
+    def normals(self) -> NDArray[np.float32]:
+        """(H, W, 3) float32: unit normals of the triangles shown, NaN for no hit.
+
+        In the OpenCV camera frame (x right, y down, z forward) and towards the camera: a frontal
+        wall has (0, 0, -1). Each call draws them.
+        """
+        return self._inspection.view.normals().normal_cam
+
     @property
     def projection(self) -> Projection:
         """The camera's intrinsics in pixels, pixel centres at .5; see `Projection`."""

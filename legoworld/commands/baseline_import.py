@@ -47,10 +47,16 @@ if TYPE_CHECKING:
     "Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, sun_rgbd "
     "or nyu_raw.",
 )
-@option("--array", "Depth: name of the array in an .npz or the channel in an .exr.")
+@option(
+    "--sign",
+    "Normals: which way they point, where the files do not say; a frontal wall is (0, 0, -1) "
+    "towards the camera.",
+    Choice(["towards_camera", "away_from_camera"]),
+)
+@option("--array", "Depth, normals: name of the array in an .npz or the channel in an .exr.")
 @option(
     "--suffix",
-    "Depth: suffix that the files' names add to the photos', such as _pred or _pred.npy.",
+    "Depth, normals: suffix that the files' names add to the photos', such as _pred or _pred.npy.",
 )
 @option(
     "--intrinsics",
@@ -71,10 +77,10 @@ def import_command(
     out: Output,
     **declared: object,
 ) -> int:
-    """Import SOURCE, a results JSON or a folder of depth arrays, as a run.
+    """Import SOURCE, a results JSON or a folder of depth or normals, as a run.
 
     Input that `legoworld evaluate` would refuse is refused here. Categories and photos are matched
-    by name where the results contain names. Depth arrays mirror the track: <file_name without
+    by name where the results contain names. Arrays mirror the track: <file_name without
     extension>.npy, .npz, .pfm, .exr, .png or .tiff; docs/baselines.md lists the other accepted
     names. An image without an array is recorded as missing.
 
@@ -85,6 +91,8 @@ def import_command(
           --subset --name DINO -o runs/dino
       legoworld baseline import depths --task eth3d --track eth3d.json --space ray_distance \\
           --unit m --intrinsics camera.json -o runs/depths
+      legoworld baseline import dsine --task normals --track track.json \\
+          --sign away_from_camera -o runs/dsine
     """
     from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.baseline_import import images_run as read_images_run

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 @option("--shard", "Read every n-th image only, starting at the i-th.", ShardType())
 @option("--engine")
 @option("--images-per-file")
-@option("--max-side", "Depth only: longest side of the rendered image, in pixels.", COUNT)
+@option("--max-side", "Depth and normals: longest side of the rendered image, in pixels.", COUNT)
 @option("--no-render", "Bench only: R without A, no Cycles render.")
 @flag("--render-noise", "Bench only: render a second seed and compare.")
 @option("--overwrite")

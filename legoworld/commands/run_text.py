@@ -188,7 +188,7 @@ def _counts(summary: RunSummary) -> str:
 
 
 def _exports(task: str) -> str:
-    """boxes, masks or depth."""
+    """boxes, masks, depth or normals."""
     from legoworld.cards import load_card
 
     return load_card(task).reads
@@ -201,9 +201,9 @@ def _exported_cells(row: RunRow) -> tuple[Cell, Cell]:
         width, height = row.surface.raster_wh
         seen = f"{row.surface.finite_px / (width * height):.1%} surface"
         return (seen if row.valid else f"{seen}, not valid"), "-"
-    if row.depth and row.rendered_wh:
+    if (pixels := row.depth or row.normals) and row.rendered_wh:
         width, height = row.rendered_wh
-        return f"{row.depth.finite_px / (width * height):.1%} depth", "-"
+        return f"{pixels.finite_px / (width * height):.1%} {pixels.file.split('/')[0]}", "-"
     return row.n_predictions or 0, len(row.unexported or ())
 
 

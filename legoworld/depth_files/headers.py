@@ -48,9 +48,17 @@ def picture_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
     return shape
 
 
-def check_claim(path: Path, shape: tuple[int, ...], check_size: SizeCheck | None) -> None:
+def check_claim(
+    path: Path, shape: tuple[int, ...], check_size: SizeCheck | None, channels: int = 1
+) -> None:
     """Refuse a shape that is not an image, is too large, or differs from the caller's size."""
-    height_width = picture_shape(shape)
+    if channels > 1 and shape[-1:] != (channels,):
+        raise DepthFileError(
+            f"{path.name} is not one picture of {channels} channels",
+            found=f"shape {shape}",
+            expected=f"(height, width, {channels})",
+        )
+    height_width = picture_shape(shape if channels == 1 else shape[:-1])
     if len(height_width) != 2 or min(height_width) < 1:
         raise DepthFileError(
             f"{path.name} is not one depth image",

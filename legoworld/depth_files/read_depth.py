@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -68,11 +69,16 @@ def files_named(stem: Path) -> list[Path]:
 
 
 def read_picture(
-    path: Path, *, channel: str | None = None, check_size: SizeCheck | None = None
+    path: Path,
+    *,
+    channel: str | None = None,
+    check_size: SizeCheck | None = None,
+    channels: int = 1,
 ) -> tuple[NDArray[Any], str | None]:
     """The array of a one-array file (every suffix but .npz), numbers as stored.
 
     channel: an EXR's, None to find it. check_size: called with the size before the array is read.
+    channels: numbers of a pixel that the header of an .npy must claim; a PNG's are as decoded.
     Returns the array, not necessarily with two axes, and the EXR channel's name.
     """
     refuse_photo(path)
@@ -80,7 +86,7 @@ def read_picture(
     if suffix == ".exr":
         return read_exr(path, channel, check_size)
     readers: dict[str, Callable[[Path, SizeCheck | None], NDArray[Any]]] = {
-        ".npy": _read_npy,
+        ".npy": partial(_read_npy, channels=channels),
         ".pfm": read_pfm,
         ".png": _read_png,
         ".pgm": _read_pgm,
@@ -117,13 +123,15 @@ def npz_contents(path: Path, labels: Container[str]) -> Npz:
     return Npz(names=tuple(names), pictures=tuple(pictures), labels=arrays)
 
 
-def read_npz_array(path: Path, name: str, check_size: SizeCheck | None) -> NDArray[Any]:
+def read_npz_array(
+    path: Path, name: str, check_size: SizeCheck | None, channels: int = 1
+) -> NDArray[Any]:
     """One array of an .npz; its claimed size is checked before it is read."""
     with _npz_errors(path), zipfile.ZipFile(path) as archive:
         member = {m.filename.removesuffix(".npy"): m for m in archive.infolist()}[name]
         with _member(archive, member) as stream:
             shape, _ = npy_claim(path, stream, member.file_size)
-        check_claim(path, shape, check_size)
+        check_claim(path, shape, check_size, channels)
         with _member(archive, member) as stream:
             values = _plain_numbers(stream)
             if stream.read(1):
@@ -195,10 +203,10 @@ def read_pfm(path: Path, check_size: SizeCheck | None = None) -> NDArray[np.floa
     return np.ascontiguousarray(values[::-1]).astype(np.float32, copy=False)
 
 
-def _read_npy(path: Path, check_size: SizeCheck | None) -> NDArray[Any]:
+def _read_npy(path: Path, check_size: SizeCheck | None, channels: int = 1) -> NDArray[Any]:
     with path.open("rb") as stream:
         shape, _ = npy_claim(path, stream, path.stat().st_size)
-    check_claim(path, shape, check_size)
+    check_claim(path, shape, check_size, channels)
     try:
         with path.open("rb") as stream:
             values = _plain_numbers(stream)

@@ -1,1 +1,1 @@
-"""Readouts: buffers to boxes, masks and depth, in the exact export formats."""
+"""Readouts: buffers to boxes, masks, depth and normals, in the exact export formats."""

@@ -24,13 +24,17 @@ Export = tuple[Prediction, "Instance"]
 
 @dataclass(frozen=True, kw_only=True)
 class AnsweredImage:
-    """One image as it was drawn. name: of its scene or photo, without a suffix; run: the folder."""
+    """One image as it was drawn.
+
+    name: of its scene or photo, without a suffix; run: the folder; threads: to draw more with.
+    """
 
     image_id: int
     name: str
     run: Path
     instances: Sequence[Instance]
     view: View
+    threads: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

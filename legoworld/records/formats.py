@@ -39,6 +39,9 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-evidence-detection": Format(
         "EVALUATION/evidence.json, boxes and masks", "detection:DetectionEvidence"
     ),
+    "evaluation-evidence-normals": Format(
+        "EVALUATION/evidence.json, normals", "normals:NormalsEvidence"
+    ),
     "evaluation-per-category": Format(
         "a line of EVALUATION/per_category.jsonl", "evaluation_rows:CategoryRow"
     ),
@@ -55,12 +58,21 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-per-image-detection": Format(
         "a line of EVALUATION/per_image.jsonl, boxes and masks", "evaluation_rows:DetectionRow"
     ),
+    "evaluation-per-image-normals": Format(
+        "a line of EVALUATION/per_image.jsonl, normals, not scored", "normals:NormalsRow"
+    ),
+    "evaluation-per-image-normals-scored": Format(
+        "a line of EVALUATION/per_image.jsonl, normals, scored", "normals:ScoredNormalsRow"
+    ),
     "evaluation-summary-bench": Format(
         "EVALUATION/summary.json, bench", "reconstruction_summary:ReconstructionSummary"
     ),
     "evaluation-summary-depth": Format("EVALUATION/summary.json, depth", "depth:DepthSummary"),
     "evaluation-summary-detection": Format(
         "EVALUATION/summary.json, boxes and masks", "evaluation_summary:DetectionSummary"
+    ),
+    "evaluation-summary-normals": Format(
+        "EVALUATION/summary.json, normals", "normals:NormalsSummary"
     ),
     "execution": Format("SCENE/execution.json", "execution:ExecutionFile"),
     "frozen": Format("SCENE/frozen.json", "frozen:FrozenFile"),

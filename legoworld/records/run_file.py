@@ -30,7 +30,7 @@ class Shard(Record, frozen=True, kw_only=True):
 
 
 class Imported(Record, frozen=True, kw_only=True):
-    """What was imported, and what was declared of it: a results file, or a folder of depth."""
+    """What was imported, and what was declared of it: a results file, or a folder of arrays."""
 
     file: str | UnsetType = UNSET
     sha256: str | UnsetType = UNSET
@@ -43,6 +43,7 @@ class Imported(Record, frozen=True, kw_only=True):
     folder: str | UnsetType = UNSET
     space: str | UnsetType | None = UNSET
     unit: str | UnsetType | None = UNSET
+    sign: str | UnsetType | None = UNSET
     array: str | UnsetType | None = UNSET
     suffix: str | UnsetType | None = UNSET
     cameras_sha256: str | UnsetType | None = UNSET

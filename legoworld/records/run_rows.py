@@ -37,6 +37,14 @@ class DepthFile(Record, frozen=True, kw_only=True):
     finite_px: int = 0
 
 
+class NormalsFile(WrittenFile, frozen=True, kw_only=True):
+    """An image's array of normals. flipped_share: of the triangles shown from their back."""
+
+    sign: str | UnsetType = UNSET
+    finite_px: int = 0
+    flipped_share: float | UnsetType | None = UNSET
+
+
 class InstanceCounts(Record, frozen=True, kw_only=True):
     """How many instances a scene has."""
 
@@ -97,6 +105,7 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = ()
     rendered_wh: Size | UnsetType = UNSET
     depth: DepthFile | UnsetType = UNSET
+    normals: NormalsFile | UnsetType = UNSET
     answer: WrittenFile | UnsetType = UNSET
     n_predictions: int | UnsetType = UNSET
     predictions_sha256: str | UnsetType = UNSET
@@ -131,4 +140,5 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     @property
     def files(self) -> list[DepthFile | WrittenFile]:
         """The files of its own that the row has, besides predictions."""
-        return [file for file in (self.depth, self.answer, self.surface, self.render) if file]
+        files = (self.depth, self.normals, self.answer, self.surface, self.render)
+        return [file for file in files if file]

@@ -161,6 +161,7 @@ def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions
         run=options.run,
         instances=grouping.instances,
         view=seen,
+        threads=options.threads,
     )
     if vocabulary is not None:
         row = _instance_report(row, scene, grouping, seen, vocabulary, options.threads)

@@ -33,6 +33,19 @@ DEPTH: Final = Family(
     by_policy=True,
     options=frozenset({"camera_model", "max_side"}),
 )
+NORMALS: Final = Family(
+    name="normals",
+    noun="normals",
+    records="legoworld.records.normals:RECORDS",
+    readout="legoworld.readouts.normals:READOUT",
+    evaluation="legoworld.evaluation.normals.family:EVALUATION",
+    comparison="legoworld.comparison.normals:COMPARISON",
+    page="legoworld.report.normals_page:PAGE",
+    track="legoworld.track_making.normals:TRACK",
+    baseline="legoworld.baselines.normals:BASELINE",
+    by_policy=True,
+    options=frozenset({"max_side"}),
+)
 RECONSTRUCTION: Final = Family(
     name="reconstruction",
     noun="a bench",
@@ -112,6 +125,14 @@ TASKS: Final = (
         title="Depth",
         noun="Scene depth",
         fixed={"readout.reads": "depth"},
+    ),
+    Task(
+        name="normals",
+        family=NORMALS,
+        dataset=Dataset(name="normal-maps"),
+        title="Normals",
+        noun="Scene normals",
+        fixed={"readout.reads": "normals", "export.kind": "geometric"},
     ),
     Task(
         name="bench",

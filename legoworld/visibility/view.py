@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
 from legoworld.visibility.camera import projection
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
+from legoworld.visibility.normals import Normals, geometric_normals
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.runs import instance_extents
 
@@ -33,6 +34,7 @@ UNSEEN_REASONS: Final = {
 class View:
     """Buffers of one scene at one size, and what they were made with.
 
+    depth_scale: metres of a scene unit.
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
     """
@@ -40,9 +42,26 @@ class View:
     size_wh: tuple[int, int]
     projection: Projection
     surfaces: Surfaces
+    depth_scale: float
     buffers: Buffers
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
+
+    def normals(self, *, threads: int | None = None) -> Normals:
+        """Geometric normals of the same picture, by another drawing.
+
+        They do not depend on the grouping: where surfaces tie in stored depth, the first placement
+        is taken, whatever instance it belongs to.
+        """
+        ids = self.surfaces.placement_id
+        numbers = np.where(ids == HOLDOUT, HOLDOUT, np.arange(len(ids))).astype(np.int32)
+        return geometric_normals(
+            replace(self.surfaces, placement_id=numbers),
+            self.projection,
+            self.size_wh,
+            depth_scale=self.depth_scale,
+            threads=threads,
+        )
 
 
 def view(
@@ -78,6 +97,7 @@ def view_through(
         size_wh=size_wh,
         projection=camera,
         surfaces=surfaces,
+        depth_scale=snapshot.render.unit_scale,
         buffers=buffers,
         area_px=area,
         bbox_xyxy_px=extents,

@@ -56,6 +56,7 @@ def view_of(instance: np.ndarray, n: int) -> View:
         size_wh=(width, height),
         projection=Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=100),
         surfaces=NOTHING,
+        depth_scale=1.0,
         buffers=Buffers(
             instance=instance, depth_z_m=np.where(instance < 0, np.inf, 1).astype(np.float32)
         ),
@@ -226,7 +227,7 @@ def test_every_task_reads_out_what_its_card_says(tmp_path):
         reading = protocol(name, None)
         assert reading.task is task
         assert task.name == name == reading.card.task
-        payload = {"boxes": "bbox", "masks": "segmentation", "depth": None,
+        payload = {"boxes": "bbox", "masks": "segmentation", "depth": None, "normals": None,
                    "surface_and_render": None}  # fmt: skip
         payload = payload[reading.card.value("readout.reads")]
         if payload is None:

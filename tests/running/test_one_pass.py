@@ -20,7 +20,7 @@ from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.shipped import catalog
 
-TASKS = ["eth3d", "coco", "lvis", "coco-masks"]
+TASKS = ["eth3d", "coco", "lvis", "coco-masks", "normals"]
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +204,7 @@ def test_what_one_pass_cannot_be(scenes, tmp_path):
         legoworld.readout(scenes, tmp_path / "a", task=["coco", "coco"])
     with pytest.raises(UsageError, match="must be different"):
         legoworld.readout(scenes, tmp_path / "a", task=[])
-    with pytest.raises(UsageError, match="--max-side is for depth alone"):
+    with pytest.raises(UsageError, match="--max-side is for depth and normals alone"):
         legoworld.readout(scenes, tmp_path / "a", task=["coco", "lvis"], max_side=9)
     (tmp_path / "tracks").mkdir()
     with pytest.raises(UsageError, match="no track of coco"):
@@ -264,6 +264,6 @@ def test_the_command_writes_a_folder_for_each_task_and_says_a_thing_once(
     assert {task: results(tmp_path / "runs" / task) for task in TASKS} == alone
     assert printed.count("invalid: broken") == 1
     for task in TASKS:
-        assert f"{task}: {3 if task == 'eth3d' else 2} of 4 images read" in printed
+        assert f"{task}: {3 if task in ('eth3d', 'normals') else 2} of 4 images read" in printed
     assert cli.run([*words, *tasks, "--json"]) == 1
     assert set(json.loads(capsys.readouterr().out)["tasks"]) == set(TASKS)

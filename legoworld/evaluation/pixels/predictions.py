@@ -89,7 +89,7 @@ def photo_stem(file_name: str) -> str:
 
 
 def _image(folder: Path, row: RunRow, stored: PixelFile) -> PixelImage:
-    recorded = row.depth or row.answer or None
+    recorded = row.depth or row.normals or row.answer or None
     file = recorded.file if recorded else stored.path(photo_stem(row.file_name))
     return PixelImage(
         image=row,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 #: The keys of a row that describe a file (`RunRow.files`); also their folders.
-FOLDERS: Final = ("depth", "surface", "render", "answer")
+FOLDERS: Final = ("depth", "normals", "surface", "render", "answer")
 _SUFFIXES: Final = (".npz", ".png", ".json")
 
 

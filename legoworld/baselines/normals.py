@@ -1,0 +1,109 @@
+"""Normals of others as runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from msgspec.structs import replace
+
+from legoworld.baselines.baseline_import import ImportRequest
+from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.pixel_import import PixelSource, import_pixels
+from legoworld.baselines.pixel_matching import Naming
+from legoworld.evaluation.normals.arrays import (
+    VALUES,
+    Declaration,
+    NormalsArray,
+    read_normals,
+    read_prediction,
+    valid_normals,
+)
+from legoworld.evaluation.normals.errors import NormalsPredictionError
+from legoworld.evaluation.normals.family import PIXELS
+from legoworld.evaluation.pixels.resampling import size_check
+from legoworld.files import sha256_of_file, write_npz
+from legoworld.readouts.normals import NORMALS_FILE
+from legoworld.records.run_file import ImageRecord, ImageSource, Imported
+from legoworld.records.run_rows import NormalsFile
+from legoworld.running.image_record import initial_row
+from legoworld.running.readout_run import RunResult
+from legoworld.tracks.track import TrackImage
+
+NAMING: Final = Naming(
+    noun="normals",
+    endings=("_normal", "-normal", "_normals", "-normals", "_norm", "_pred", "-pred"),
+)
+
+
+def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
+    """A folder of arrays of normals, by the options of its import."""
+    declared = Declaration(sign=options.get("sign"), array=options.get("array"))
+    suffix = options.get("suffix")
+    return PixelSource(
+        folder=folder,
+        suffix=suffix,
+        naming=NAMING,
+        imported=Imported(
+            folder=folder.resolve().name, sign=declared.sign, array=declared.array, suffix=suffix
+        ),
+        stored=NORMALS_FILE,
+        read=partial(_read, declared),
+        write=_write,
+        record=_record,
+    )
+
+
+def _read(declared: Declaration, path: Path, image: TrackImage) -> NormalsArray:
+    """A photo's array after all checks that need no ground truth."""
+    assert image.size_wh is not None
+    check = size_check(PIXELS, image.size_wh)
+    array = read_normals(path, declared, check)
+    check(array.size_wh)
+    if not valid_normals(array.values).any():
+        raise NormalsPredictionError(
+            "the array has no normal at any pixel",
+            found="no finite vector longer than 0.5",
+            expected="unit vectors",
+        )
+    return array
+
+
+def _write(path: Path, array: NormalsArray) -> None:
+    write_npz(path, {VALUES: array.values, "sign": np.array(array.sign)})
+
+
+def _record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
+    """The record of one image's file in the run, read back."""
+    name = NORMALS_FILE.path(image.scene)
+    array = read_prediction(run / name, None)
+    file = NormalsFile(
+        file=name,
+        sha256=sha256_of_file(run / name),
+        bytes=(run / name).stat().st_size,
+        sign=array.sign,
+        finite_px=int(valid_normals(array.values).sum()),
+    )
+    row = replace(initial_row(image), rendered_wh=array.size_wh, normals=file)
+    return ImageRecord(row=row, scene=source)
+
+
+def _import(
+    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
+) -> RunResult:
+    telling.total(len(request.track.images))
+    answers = normals_source(source, options)
+    return import_pixels(request, answers, progress=telling.progress, notice=telling.notice)
+
+
+BASELINE: Final = BaselineFamily(
+    of_folder=True,
+    what="a folder of arrays of normals",
+    options=frozenset({"sign", "array", "suffix"}),
+    import_answers=_import,
+    sum_up=lambda summary, _ok: summary,
+    own_file=lambda row: NORMALS_FILE.path(row.scene),
+)

@@ -1,0 +1,1 @@
+"""Normals: runs of one unit vector a pixel, scored by angular error."""

@@ -1,0 +1,78 @@
+"""An evaluation of normals as text: all pixels pooled, and means over images."""
+
+from __future__ import annotations
+
+from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
+from legoworld.evaluation.normals.protocol import ANGLES, ERROR_90, FAILS, RESOLUTION_DEG
+from legoworld.evaluation.short_text import describe_evaluator, first_few, fraction, image_counts
+from legoworld.pluralize import plural
+from legoworld.records.normals import NormalsSummary
+
+
+def short_normals(summary: NormalsSummary) -> str:
+    """Pooled numbers under the primary policy with denominators, and the unscored images."""
+    pooled = summary.pooled
+    angles = [f"{name} {_degrees(pooled[name][ERROR_90])}" for name in ANGLES]
+    shares = [f"{name} {fraction(pooled[name][FAILS])}" for name in pooled if name not in ANGLES]
+    lines = [
+        f"{describe_evaluator(summary)}: {image_counts(summary.coverage)}",
+        f"{plural(summary.pooled_px, 'pixel', 'pixels')} pooled: {', '.join([*angles, *shares])}",
+    ]
+    few = first_few(_not_scored(summary), "image without a score", "images without a score")
+    return "\n".join([*lines, *few])
+
+
+def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
+    """The pooled numbers, then the means over images with their intervals."""
+    pixels = {True: summary.predicted_px, False: summary.pooled_px}
+    pooled = [
+        MetricRow(
+            name=name,
+            policy=policy,
+            number=number(value),
+            over=plural(pixels[policy == "exclude"], "pixel", "pixels"),
+        )
+        for name, by_policy in summary.pooled.items()
+        for policy, value in by_policy.items()
+    ]
+    note = (
+        "The angle between prediction and ground truth over all valid pixels of the scored images, "
+        "in degrees, and the shares strictly below 5, 7.5, 11.25, 22.5 and 30 degrees. Holes are "
+        "pixels with a measured normal and no prediction: error_90 (primary) counts each as 90 "
+        "degrees, fails counts it in no share, exclude leaves it out. median_deg is of errors "
+        f"rounded to {RESOLUTION_DEG:g} degrees."
+    )
+    (means,) = metric_parts(summary)
+    every = summary.all_attempted
+    images = plural(every.images, "image", "images")
+    over = f"{images} with truth, {every.missing} of them without a score at {every.missing_deg:g}"
+    rows = [
+        MetricRow(
+            name=f"{ANGLES[0]}, all attempted", policy=policy, number=number(value), over=over
+        )
+        for policy, value in every.mean_deg.items()
+    ]
+    return [
+        MetricPart(title="All pixels pooled", rows=pooled, note=note),
+        MetricPart(title="Means over images", rows=[*means.rows, *rows], note=""),
+    ]
+
+
+def normals_notes(summary: NormalsSummary) -> list[str]:
+    """What the numbers hide: images without a score, holes, resampled predictions."""
+    by_status = ", ".join(f"{n} {name}" for name, n in summary.coverage.by_status.items())
+    lines = [
+        f"images: {by_status}; {summary.resampled} resampled, "
+        f"{plural(summary.warnings, 'warning', 'warnings')}",
+        f"mean share of truth pixels that are holes: {fraction(summary.mean_hole_share)}",
+        *_not_scored(summary),
+    ]
+    return lines + ["partial run: only some images of its track"] * summary.partial
+
+
+def _degrees(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _not_scored(summary: NormalsSummary) -> list[str]:
+    return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
