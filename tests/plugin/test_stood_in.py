@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin import live as live_module
-from legoworld.plugin.artefacts import Artefacts, kind_of
+from legoworld.plugin.artefacts import Artefacts, find_kind
 from legoworld.plugin.connection import (
     Address,
     BlenderConnection,
@@ -24,12 +24,13 @@ from legoworld.plugin.connection import (
 )
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.evidence_camera import camera_evidence, camera_problem, read_camera
+from legoworld.plugin.final_steps import _review_size
 from legoworld.plugin.ledger import LedgerBrokenError
 from legoworld.plugin.live import LiveBlender, NotRestoredError
 from legoworld.plugin.live_copy import COPY
-from legoworld.plugin.recorded import Recorded, TransactionError
-from legoworld.plugin.server_answers import answer, answer_text, typed
-from legoworld.plugin.state import signature_of
+from legoworld.plugin.open_ledger import OpenLedger, TransactionError
+from legoworld.plugin.server_answers import answer, answer_text, decode_arguments
+from legoworld.plugin.state import compute_signature
 from legoworld.records.base import canonical
 from legoworld.records.plugin_evidence import ProviderCamera
 from legoworld.records.plugin_state import SceneState
@@ -39,7 +40,7 @@ EMPTY = SceneState(
     world_sha256="e" * 64, collections_sha256="f" * 64, geometry_signature="a" * 64,
     scene_signature="b" * 64,
 )  # fmt: skip
-STATE = replace(EMPTY, scene_signature=signature_of(EMPTY))
+STATE = replace(EMPTY, scene_signature=compute_signature(EMPTY))
 
 
 @contextmanager
@@ -211,10 +212,10 @@ def test_a_blender_that_does_not_say_where_the_copy_is_is_refused(live, words):
 
 
 def test_a_case_is_where_its_last_entry_left_it(tmp_path):
-    made = Recorded(tmp_path, tmp_path / "states")
-    assert (made.phase, made.transaction, made.settled()) == ("idle", 0, None)
+    made = OpenLedger(tmp_path, tmp_path / "states")
+    assert (made.phase, made.transaction, made.last_settled()) == ("idle", 0, None)
     with pytest.raises(TransactionError, match=r"no transaction is open.*0 so far.*call begin"):
-        made.begun()
+        made.begun_entry()
     made.note(SimpleNamespace(state=STATE))
     made.keep_base(STATE, "9" * 64)
     made.record("begin", {"a": 1}, lambda: {"x": 1}, opens=True)
@@ -225,9 +226,9 @@ def test_a_case_is_where_its_last_entry_left_it(tmp_path):
     )  # fmt: skip
     assert (entry.geometry_signature, entry.scene_signature) == ("a" * 64, STATE.scene_signature)
     assert entry.base_sha256 == "9" * 64
-    assert made.begun() == made.begun(1) == made.settled() == entry
+    assert made.begun_entry() == made.begun_entry(1) == made.last_settled() == entry
     with pytest.raises(TransactionError, match=r"transaction 2 is not open.*transaction 1 is"):
-        made.begun(2)
+        made.begun_entry(2)
     for error, said in [
         (LegoWorldError("not so", found="this"), "not so; found: this"),
         (ValueError("seven"), "ValueError: seven"),
@@ -243,27 +244,29 @@ def test_a_case_is_where_its_last_entry_left_it(tmp_path):
         assert last.error.startswith(said)
     assert made.count("commit") == 0
     made.record("commit", {}, lambda: {"ok": False}, closes=lambda found: found["ok"])
-    assert (made.phase, made.settled()) == ("open", entry)
+    assert (made.phase, made.last_settled()) == ("open", entry)
     assert (made.count("commit"), made.count("commit", since=4)) == (1, 0)
     made.record("commit", {}, lambda: {"ok": True}, closes=lambda found: found["ok"])
     assert (made.phase, made.transaction) == ("idle", 1)
-    assert made.settled() == made.ledger.entries[-1]
+    assert made.last_settled() == made.ledger.entries[-1]
     assert made.ledger.entries[-1].transaction == 1
     made.record("diff", {}, lambda: None)
     assert made.ledger.entries[-1].transaction is None
     with pytest.raises(TransactionError, match="1 so far, all of them ended"):
-        made.begun()
+        made.begun_entry()
     assert made.base() == STATE
-    again = Recorded(tmp_path, tmp_path / "states")
-    assert (again.phase, again.transaction, again.settled()) == ("idle", 1, made.settled())
+    again = OpenLedger(tmp_path, tmp_path / "states")
+    assert (again.phase, again.transaction, again.last_settled()) == (
+        "idle",
+        1,
+        made.last_settled(),
+    )
     again.record("measure", {}, lambda: None)
     last = again.ledger.entries[-1]
     assert (last.scene_signature, last.base_sha256) == (STATE.scene_signature, "9" * 64)
     path = tmp_path / "states" / f"{STATE.scene_signature}.json"
     path.write_text(path.read_text().replace("c" * 64, "0" * 64))
-    with pytest.raises(
-        LedgerBrokenError, match=r"state of another signature.*another --ledger"
-    ):
+    with pytest.raises(LedgerBrokenError, match=r"state of another signature.*another --ledger"):
         again.base()
     path.unlink()
     with pytest.raises(LedgerBrokenError, match=f"stored state {STATE.scene_signature[:12]}"):
@@ -283,7 +286,7 @@ def test_what_a_case_made_is_kept_once_and_read_by_its_hash(tmp_path):
             made.read(wrong, "md")
     with pytest.raises(UsageError, match="no such artefact"):
         made.read(sha256, "png")
-    assert [kind_of(name) for name in ("a.json", "b.md", "c.png")] == ["json", "md", "png"]
+    assert [find_kind(name) for name in ("a.json", "b.md", "c.png")] == ["json", "md", "png"]
 
 
 def test_an_answer_has_the_last_state_and_line():
@@ -313,8 +316,8 @@ def test_an_answer_has_the_last_state_and_line():
 )
 def test_arguments_are_numbers_and_of_their_kind(given, place):
     with pytest.raises(UsageError, match=f"arguments cannot be used.*{place}"):
-        typed(dict[str, str], given)
-    assert typed(dict[str, str], {"a": "b"}) == {"a": "b"}
+        decode_arguments(dict[str, str], given)
+    assert decode_arguments(dict[str, str], {"a": "b"}) == {"a": "b"}
 
 
 PHOTO = SimpleNamespace(sha256="a" * 64, width=640, height=480)
@@ -375,3 +378,13 @@ def test_what_a_camera_does_not_say_is_told():
     none = camera_evidence(photo, None, None)
     assert (none.hfov_deg, none.hfov_source) == (None, None)
     assert none.unknown == "the field of view is not known"
+
+
+@pytest.mark.parametrize(
+    ("size", "shown"),
+    [((640, 480), (640, 480)), ((1600, 800), (800, 400)), ((500, 3000), (133, 800)),
+     ((20000, 1), (800, 1)), ((1, 20000), (1, 800))],
+)  # fmt: skip
+def test_a_review_is_at_most_800_pixels_long_and_at_least_one_wide(size, shown):
+    case = SimpleNamespace(evidence=SimpleNamespace(size_wh=size))
+    assert _review_size(case, None) == shown

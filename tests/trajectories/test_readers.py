@@ -10,7 +10,7 @@ from legoworld.records.base import as_json
 from legoworld.trajectories.claude_lines import claude_steps
 from legoworld.trajectories.codex_lines import codex_steps
 from legoworld.trajectories.event_lines import gemini_steps, opencode_steps
-from legoworld.trajectories.steps import Read, Reading, arguments_of
+from legoworld.trajectories.steps import ParsedStep, ParsedTranscript, parse_arguments
 
 USAGE = {
     "input_tokens": 5, "cache_creation_input_tokens": 7, "cache_read_input_tokens": 100,
@@ -19,7 +19,7 @@ USAGE = {
 COUNTED = {"prompt_tokens": 112, "cached_tokens": 100, "completion_tokens": 11}
 
 
-def steps(reading: Reading) -> list[dict[str, Any]]:
+def steps(reading: ParsedTranscript) -> list[dict[str, Any]]:
     """The steps without what is the same in all: their place, and an empty message."""
     shown = []
     for step in reading.steps:
@@ -337,7 +337,7 @@ def test_codex_counts_a_turn_s_tokens_at_its_only_step():
 
 @pytest.mark.parametrize("source", ["user", "system", "agent"])
 def test_only_an_agent_s_step_has_what_only_an_agent_does(source):
-    made = Read(source=source, model="m", reasoning="r", timestamp="t", extra={"x": 1})
+    made = ParsedStep(source=source, model="m", reasoning="r", timestamp="t", extra={"x": 1})
     found = as_json(made.atif(4))
     both = {"step_id": 4, "source": source, "message": "", "timestamp": "t", "extra": {"x": 1}}
     own = {"model_name": "m", "reasoning_content": "r"} if source == "agent" else {}
@@ -345,6 +345,6 @@ def test_only_an_agent_s_step_has_what_only_an_agent_does(source):
 
 
 def test_arguments_are_an_object():
-    assert [arguments_of(v) for v in (None, {"a": 1}, [], 0)] == [
+    assert [parse_arguments(v) for v in (None, {"a": 1}, [], 0)] == [
         {}, {"a": 1}, {"value": []}, {"value": 0},
     ]  # fmt: skip
