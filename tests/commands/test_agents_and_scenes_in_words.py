@@ -168,12 +168,7 @@ def test_what_was_picked_and_what_it_saved_is_said(
 
 @pytest.mark.parametrize(
     ("words", "workers", "threads"),
-    [
-        (["--workers", "3"], 3, 2),
-        (["--workers", "9"], 9, 1),
-        ([], 7, 1),
-        (["--workers", "1"], 1, 7),
-    ],
+    [("--workers 3", 3, 2), ("--workers 9", 9, 1), ("", 7, 1), ("--workers 1", 1, 7)],
 )
 def test_the_cores_are_shared_among_a_server_s_workers(
     words: str, workers: int, threads: int, run: Any, tmp_path: Path,
