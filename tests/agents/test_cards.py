@@ -87,8 +87,10 @@ def test_a_plan_is_what_was_asked_and_what_the_card_says(tmp_path, monkeypatch, 
     place = "legoworld.agents.run_plan"
     monkeypatch.setattr(f"{place}.load_agent", lambda _: card)
     monkeypatch.setattr(f"{place}.agent_problems", lambda _: [])
-    monkeypatch.setattr(f"{place}.refuse_shown", lambda *words: shown.append(words))
-    monkeypatch.setattr(f"{place}.commission", lambda *words: commissioned.append(words) or "work")
+    monkeypatch.setattr(f"{place}.refuse_exposed", lambda *words: shown.append(words))
+    monkeypatch.setattr(
+        f"{place}.load_trial_setup", lambda *words: commissioned.append(words) or "work"
+    )
     monkeypatch.setattr(f"{place}.version_in_sandbox", lambda *words: ("version", *words))
     monkeypatch.setattr(
         f"{place}.protections", lambda *words, **how: held.append((words, how)) or how["network"]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
+import subprocess
 import sys
 from contextlib import asynccontextmanager
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -109,3 +112,53 @@ def test_what_a_server_logs_is_not_the_player_s(monkeypatch, capfd):
         {"command": "server", "args": ["a"], "env": {"V": "1"}},
     ]
     assert capfd.readouterr().err == ""
+
+
+def test_a_step_is_written_with_its_words_its_call_and_its_answer(monkeypatch, tmp_path):
+    steps = [
+        {"tool": "t", "arguments": {"a": 1}, "message": "I look."},
+        {"tool": "t", "arguments": {}, "server": "blender"},
+    ]
+    answers = [answer(part("seen"), part()), answer(part("done"))]
+    code, document = played(monkeypatch, tmp_path, answers, steps)
+    assert (code, document["schema_version"]) == (0, "ATIF-v1.6")
+    assert (document["session_id"], document["agent"]["name"]) == ("program", "program")
+    prompt, *rows = document["steps"]
+    assert all(row.pop("timestamp") for row in (prompt, *rows))
+    assert prompt == {"step_id": 1, "source": "user", "message": "Build it."}
+    assert rows == [
+        {
+            "step_id": number + 1, "source": "agent", "message": said, "llm_call_count": 0,
+            "tool_calls": [
+                {"tool_call_id": f"call_{number}", "function_name": "t", "arguments": arguments}
+            ],
+            "observation": {"results": [
+                {"source_call_id": f"call_{number}", "content": content,
+                 "extra": {"is_error": False, "images": images}}
+            ]},
+        }
+        for number, said, arguments, content, images in [
+            (1, "I look.", {"a": 1}, "seen", 1), (2, "", {}, "done", 0),
+        ]
+    ]  # fmt: skip
+    assert [path.name for path in tmp_path.iterdir()] == ["transcript.json"]
+
+
+def test_the_relay_carries_both_ways_until_the_server_ends():
+    """As an agent starts it: a program of its own, with nothing of legoworld."""
+    relay = Path(play.__file__).with_name("relay.py")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = str(listener.getsockname()[1])
+        command = [sys.executable, str(relay), "127.0.0.1", port]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as run:
+            listener.settimeout(60)
+            line, _ = listener.accept()
+            with line:
+                line.settimeout(60)
+                run.stdin.write(b"question" * 20_000)
+                run.stdin.close()
+                heard = b"".join(iter(lambda: line.recv(1 << 16), b""))
+                line.sendall(b"answer" * 20_000)
+            assert run.stdout.read() == b"answer" * 20_000
+            assert run.wait(60) == 0
+    assert heard == b"question" * 20_000

@@ -50,9 +50,9 @@ class Trial:
         )  # fmt: skip
         self.stop = Stop()
         for name in (
-            "make_workspace", "workspace_of", "finalise", "read_transcript", "with_calls",
-            "joined", "write_result", "steps_of", "Session", "EndpointServer", "run_agent",
-            "find_photo", "served_plugin",
+            "make_workspace", "plan_workspace", "finalise", "read_transcript", "add_calls",
+            "join_trajectories", "write_result", "remaining_steps", "Session", "EndpointServer",
+            "run_agent", "find_photo", "served_plugin",
         ):  # fmt: skip
             monkeypatch.setattr(trial, name, getattr(self, name))
 
@@ -66,7 +66,7 @@ class Trial:
         self.log.append(("make", work, image, folder, time_limit_s))
         return Workspace(folder=folder, image=folder / "i", prompt="do") if self.photo else None
 
-    def workspace_of(self, work, image, folder, *, time_limit_s):
+    def plan_workspace(self, work, image, folder, *, time_limit_s):
         self.log.append(("of", work, image, folder, time_limit_s))
         return Workspace(folder=folder, image=folder / "i", prompt="do") if self.photo else None
 
@@ -88,7 +88,7 @@ class Trial:
         self.record = session.record
         yield SimpleNamespace(port=4321)
 
-    def steps_of(self, plan, image, workspace, calls):
+    def remaining_steps(self, plan, image, workspace, calls):
         self.log.append(("steps", plan, image, workspace.folder, len(calls)))
 
     def run_agent(self, order, stop):
@@ -105,10 +105,10 @@ class Trial:
         self.log.append(("transcript", path.name, kind, how))
         return path.name
 
-    def with_calls(self, part, calls):
+    def add_calls(self, part, calls):
         return part, [c.number for c in calls]
 
-    def joined(self, parts):
+    def join_trajectories(self, parts):
         return parts
 
     def write_result(self, plan, image, made, outcome, blender):
@@ -134,9 +134,9 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
     outcome = made.run()
     here = made.unfinished
     assert made.said("make") == [[made.plan.work, IMAGE, here.workspace, 100.0]]
-    assert here.begun() == BEGUN
+    assert here.read_begun() == BEGUN
     ((settings,),) = made.said("session")
-    assert (settings.workspace, settings.record) == (here.workspace, here.made / TRIAL)
+    assert (settings.workspace, settings.record) == (here.workspace, here.scene_folder / TRIAL)
     assert (settings.limits, settings.held, settings.lease) == (made.plan.limits, "blender's", 9)
     assert made.said("steps") == [[made.plan, IMAGE, here.workspace, 0]]
     ((order, stop),) = made.said("agent")
@@ -154,15 +154,15 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
     assert made.said("clock") == [[0.0]]
     how = {"workspace": here.workspace, "limits": made.plan.limits, "held": "blender's",
            "blender": "the blender"}  # fmt: skip
-    assert made.said("finalise") == [[here.made / TRIAL, 2, here.made, how]]
+    assert made.said("finalise") == [[here.scene_folder / TRIAL, 2, here.scene_folder, how]]
     assert made.said("transcript") == [
         ["transcript", "codex", {"agent": "own", "version": "1.0", "prompt": "do"}]
     ]
-    assert made.said("result") == [[made.plan, IMAGE, here.made, "the blender"]]
+    assert made.said("result") == [[made.plan, IMAGE, here.scene_folder, "the blender"]]
     ended = outcome.ended
     assert (ended.code, ended.over, ended.last_output) == (3, "disk", "a" * 4095 + "z")
     assert 0 <= ended.seconds < 60
-    assert here.ended() == ended
+    assert here.read_ended() == ended
     assert (outcome.finalised, outcome.continued) == ("finalised", 0)
     assert outcome.trajectory == [("transcript", [1, 2])]
     assert 0 <= outcome.seconds < 60
@@ -172,14 +172,14 @@ def test_a_killed_agent_continues_in_what_is_left_of_its_time(made):
     made.run()
     here = made.unfinished
     (here.folder / "ended.json").unlink()
-    (here.made / "scene.blend").write_text("half made")
+    (here.scene_folder / "scene.blend").write_text("half made")
     made.log.clear()
     made.plan.agent_version = "2.0"
     outcome = made.run()
     assert made.said("make") == []
     assert made.said("of") == [[made.plan.work, IMAGE, here.workspace, 100.0]]
-    assert here.begun() == with_fields(BEGUN, parts=(0, 2))
-    assert not (here.made / "scene.blend").exists()
+    assert here.read_begun() == with_fields(BEGUN, parts=(0, 2))
+    assert not (here.scene_folder / "scene.blend").exists()
     assert made.said("steps")[0][-1] == 2
     ((order, _),) = made.said("agent")
     assert (order.continues, order.limits.time_s) == (True, 70.0)
@@ -213,7 +213,7 @@ def test_without_time_left_the_agent_is_not_started_again(made):
 def test_the_plugin_s_port_is_the_agent_s_and_it_has_the_track_s_photo(made):
     made.plan.plugin = "the plugin"
     made.run()
-    record = made.unfinished.made / TRIAL / "plugin"
+    record = made.unfinished.scene_folder / TRIAL / "plugin"
     assert made.said("plugin") == [["the plugin", IMAGE, Path("photos/room.jpg"), record]]
     assert made.said("agent")[0][0].plugin_port == 8765
 
@@ -224,7 +224,7 @@ def test_without_its_photo_a_trial_does_not_begin(made):
         made.run()
     assert "the photo room.jpg was not found" in str(refused.value)
     assert "nothing of that name below photos" in str(refused.value)
-    assert made.unfinished.begun() is None
+    assert made.unfinished.read_begun() is None
     made.photo = True
     made.run()
     (made.unfinished.folder / "ended.json").unlink()
@@ -237,6 +237,6 @@ def test_a_run_that_is_stopped_leaves_what_a_later_one_continues(made):
     made.stop.now()
     with pytest.raises(TrialStoppedError):
         made.run()
-    assert made.unfinished.begun() == BEGUN
-    assert made.unfinished.ended() is None
+    assert made.unfinished.read_begun() == BEGUN
+    assert made.unfinished.read_ended() is None
     assert made.said("finalise") == []

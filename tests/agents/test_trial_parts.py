@@ -47,7 +47,7 @@ BEGUN = BegunTrial(
 @pytest.fixture
 def unfinished(tmp_path):
     made = UnfinishedTrial(folder=tmp_path, stays=True)
-    for folder in (made.workspace, made.made / TRIAL):
+    for folder in (made.workspace, made.scene_folder / TRIAL):
         folder.mkdir(parents=True)
     return made
 
@@ -62,27 +62,27 @@ def test_a_cleared_folder_keeps_its_lock_and_its_owner_alone(unfinished, tmp_pat
 
 
 def test_of_a_finalisation_that_was_killed_the_trial_alone_stays(unfinished):
-    (unfinished.made / "scene.blend").write_text("")
-    (unfinished.made / "folder" / "in").mkdir(parents=True)
+    (unfinished.scene_folder / "scene.blend").write_text("")
+    (unfinished.scene_folder / "folder" / "in").mkdir(parents=True)
     unfinished.keep_trial_alone()
-    assert [path.name for path in unfinished.made.iterdir()] == [TRIAL]
+    assert [path.name for path in unfinished.scene_folder.iterdir()] == [TRIAL]
 
 
 def test_what_is_noted_is_read_again_and_what_is_broken_is_not_there(unfinished, tmp_path):
     ended = EndedAgent(code=1, over=None, last_output="it", seconds=2.0)
-    assert (unfinished.begun(), unfinished.ended()) == (None, None)
+    assert (unfinished.read_begun(), unfinished.read_ended()) == (None, None)
     unfinished.note_begun(BEGUN)
     unfinished.note_ended(ended)
-    assert (unfinished.begun(), unfinished.ended()) == (BEGUN, ended)
+    assert (unfinished.read_begun(), unfinished.read_ended()) == (BEGUN, ended)
     (tmp_path / "ended.json").write_text("{")
-    assert unfinished.ended() is None
+    assert unfinished.read_ended() is None
     mark_finished(unfinished)
     mark_finished(unfinished)
-    assert unfinished.begun() is None
+    assert unfinished.read_begun() is None
 
 
 def test_transcripts_are_numbered_but_the_last(unfinished):
-    trial = unfinished.made / TRIAL
+    trial = unfinished.scene_folder / TRIAL
     assert unfinished.transcripts() == [trial / "transcript"]
     unfinished.note_begun(with_fields(BEGUN, parts=(0, 4, 6)))
     assert unfinished.transcripts() == [
@@ -97,7 +97,7 @@ def test_a_killed_part_leaves_its_transcript_and_what_it_continues_from(unfinish
     (output / "said").write_text("words")
     (unfinished.session / "old").mkdir(parents=True)
     unfinished.put_part_aside("said")
-    assert (unfinished.made / TRIAL / "transcript-2").read_text() == "words"
+    assert (unfinished.scene_folder / TRIAL / "transcript-2").read_text() == "words"
     assert [path.name for path in unfinished.session.iterdir()] == ["new"]
     assert not unfinished.agent.exists()
     (unfinished.agent / "sandbox" / "output").mkdir(parents=True)
@@ -396,7 +396,7 @@ def test_a_scene_folder_appears_whole_and_nothing_is_left_beside_it(campaign):
         assert unfinished.folder.parent == campaign.out.resolve()
         asked.append((image.id, unfinished.stays))
         unfinished.clear()
-        (unfinished.made / "scene.blend").write_text(str(image.id))
+        (unfinished.scene_folder / "scene.blend").write_text(str(image.id))
         return SimpleNamespace(
             image_id=image.id, scene=image.scene, status="ok", reason="why", seconds=1.5, calls=2,
             checkpoints=3, usage=Usage(prompt_tokens=4),

@@ -318,9 +318,9 @@ def test_the_calls_of_a_trial_and_its_score(
     place = "legoworld.trajectories"
     monkeypatch.setattr(f"{place}.folder.read_trial", lambda _: trial)
     head = ["call", "s", "command", "status", "checkpoint", "Q", "said"]
-    monkeypatch.setattr(f"{place}.showing.calls_table", lambda *_: table(head, rows))
-    monkeypatch.setattr(f"{place}.showing.score_of", lambda *_: scores[0])
-    monkeypatch.setattr(f"{place}.showing.read_scores", lambda _: None)
+    monkeypatch.setattr(f"{place}.page.calls_table", lambda *_: table(head, rows))
+    monkeypatch.setattr(f"{place}.page.find_score", lambda *_: scores[0])
+    monkeypatch.setattr(f"{place}.page.read_scores", lambda _: None)
     words = ["trajectory", "show", str(tmp_path)]
     assert cli.run(words) == 0
     lines = capsys.readouterr().out.splitlines()

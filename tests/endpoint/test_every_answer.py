@@ -38,10 +38,10 @@ class StandIn:
             raise BlenderEndedError("Blender crashed or was ended: signal SIGSEGV")
         self.opened = blend and blend.read_bytes()
 
-    def seen(self, name):
+    def path_inside(self, name):
         return f"/sandbox/output/{name}"
 
-    left = staticmethod(lambda name: f"output/{name}")
+    output_name = staticmethod(lambda name: f"output/{name}")
 
     def ask(self, kind, *_given):
         if kind == "get_viewport_screenshot":

@@ -55,10 +55,10 @@ class Blender:
     def __exit__(self, *_error):
         self.close()
 
-    def seen(self, name):
+    def path_inside(self, name):
         return f"/sandbox/output/{name}"
 
-    left = staticmethod(lambda name: f"output/{name}")
+    output_name = staticmethod(lambda name: f"output/{name}")
 
     def ask(self, kind, params, limit):
         self.asked.append((kind, params, limit))
@@ -585,7 +585,9 @@ def test_a_scene_from_elsewhere_becomes_the_workspace_s(tmp_path, where):
         raise Ended
 
     (tmp_path / "box").mkdir()
-    sandbox = SimpleNamespace(scratch=tmp_path / "box", seen=lambda name: f"/s/{name}", start=start)
+    sandbox = SimpleNamespace(
+        scratch=tmp_path / "box", path_inside=lambda name: f"/s/{name}", start=start
+    )
     scene = None if where is None else tmp_path / where / "a.blend"
     workspace, given = tmp_path / "workspace", tmp_path / "given"
     with pytest.raises(Ended):
@@ -620,3 +622,27 @@ def test_a_blender_that_does_not_start_is_closed(tmp_path, monkeypatch):
     ((words, workspace, lease, owner),) = opened_with
     assert (words, workspace, lease) == ((LIMITS, HELD), tmp_path, 4)
     assert not owner.exists()
+
+
+def test_a_blender_that_does_not_answer_has_ended(monkeypatch):
+    line, sent, why = SimpleNamespace(), [], []
+    line.settimeout = sent.append
+    line.sendall = sent.append
+
+    def reply(_deadline):
+        raise OSError("gone")
+
+    def over(error, time_s):
+        why.append((str(error), time_s))
+        return BlenderEndedError("it ended")
+
+    stand_in = SimpleNamespace(_line=line, _reply=reply, _end_and_explain=over)
+    with pytest.raises(BlenderEndedError, match="it ended"):
+        LiveBlender.ask(stand_in, "look", {"a": "\ud800"}, 3.0)
+    assert why == [("gone", 3.0)]
+    seconds, data = sent
+    assert seconds == 13.0
+    assert len(data) == 4 + int.from_bytes(data[:4], "big")
+    stand_in._reply = lambda deadline: deadline
+    monkeypatch.setattr(blender, "time", SimpleNamespace(monotonic=lambda: 100.0))
+    assert LiveBlender.ask(stand_in, "look", {}, 3.0) == 113.0

@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 from legoworld.plugin.hooks import MOST_BLOCKS, HookInputError, HookRules, edits, hook_answer
 from legoworld.plugin.ledger import Ledger
-from legoworld.plugin.remaining_work import list_unfinished
-from legoworld.records.plugin_ledger import HookMark
+from legoworld.plugin.remaining_work import list_unfinished, standing_requirements
+from legoworld.records.base import as_json
+from legoworld.records.plugin_ledger import Declaration, HookMark
+from legoworld.records.plugin_requirements import Centroid
 
 TOOL = {"claude": "mcp__blender__execute_blender_code", "codex": "mcp__b__execute_code",
         "cursor": "execute_blender_code"}  # fmt: skip
@@ -175,3 +178,62 @@ def test_the_command_reads_an_event_with_a_byte_order_mark(tmp_path):
                "--ledger", str(tmp_path)]  # fmt: skip
     done = subprocess.run(command, input=event, capture_output=True, check=False)
     assert (done.returncode, done.stdout) == (0, b"{}\n")
+
+
+def entry(
+    tool, *, error=None, phase="idle", answer=None, seq=1, transaction=None, wanted=(), scene="s"
+):
+    """An entry as far as what is left to do depends on it. wanted: requirements of a begin."""
+    asked = as_json(
+        Declaration(editable=("room",), kinds=("transform",), requirements=tuple(wanted))
+    )
+    return SimpleNamespace(
+        tool=tool, error=error, phase=phase, answer=answer, seq=seq, transaction=transaction,
+        request=asked, scene_signature=scene,
+    )  # fmt: skip
+
+
+def test_what_committed_transactions_required_stands_each_once():
+    one, two, three = (Centroid(entity=name, region="r") for name in ("a", "b", "c"))
+    entries = [
+        entry("begin", wanted=[one, two]), entry("commit", phase="open"),
+        entry("begin", error="no", wanted=[three]), entry("commit", error="no"), entry("commit"),
+        entry("begin", wanted=[three, one]), entry("rollback"), entry("measure"),
+        entry("begin", wanted=[two]), entry("commit"),
+    ]  # fmt: skip
+    assert standing_requirements(entries) == (one, two)
+    assert standing_requirements(entries[:4]) == ()
+    assert standing_requirements([*entries[:6], entry("commit")]) == (one, two, three)
+
+
+def left(*entries, marks=()):
+    """What is left to do, a sentence each, by how it begins and what it asks for."""
+    return [" ".join(said.split()[:3]) for said in list_unfinished(entries, marks)]
+
+
+def test_what_is_left_is_told_in_its_order():
+    one, two = (Centroid(entity=name, region="r") for name in ("a", "b"))
+    begun = entry("begin", wanted=[one], phase="open", transaction=3, seq=4)
+    assert left(begun) == ["Transaction 3 is"]
+    assert left(entry("serve")) == []
+    assert left(entry("measure")) == ["Nothing was validated:", "No render shows"]
+    judged = [{"accepted": True}, {"blocked": False}]
+    committed = [begun, entry("commit", answer=judged, seq=5, transaction=3)]
+    assert left(*committed) == ["No render shows"], "a commit that measured all is a report"
+    for wanted, stale in (([two], ["The report of"]), ([one, two], [])):
+        again = entry("begin", wanted=wanted, phase="open", transaction=4, seq=6)
+        commit = entry("commit", answer=judged, seq=7, transaction=4, scene="t")
+        assert left(*committed, again, commit) == [*stale, "No render shows"]
+    edit = HookMark(ledger_seq=5, what="edit")
+    assert left(*committed, marks=[edit]) == ["The report of", "No render shows"]
+    assert left(*committed, marks=[HookMark(ledger_seq=4, what="edit")]) == ["No render shows"]
+    assert left(*committed, marks=[HookMark(ledger_seq=5, what="block")]) == ["No render shows"]
+    blocked = [committed[0], entry("commit", answer=[judged[0], {"blocked": True}], seq=5)]
+    assert left(*blocked)[0] == "A hard requirement"
+    validated = entry("validate", answer={"report": {"blocked": True}, "blocked": True}, seq=8)
+    assert left(*committed, validated)[0] == "A hard requirement"
+    broken = entry("validate", error="no", seq=9)
+    assert left(entry("measure"), broken)[0] == "Nothing was validated:"
+    looked = entry("review", answer={"render_sha256": "5", "findings": None}, seq=9)
+    told = list_unfinished([*committed, looked], ())
+    assert told == ("The render 5 is not reviewed: call review with it and your findings.",)

@@ -247,3 +247,33 @@ def test_families_are_resampled_whole():
     assert found.interval is not None
     assert (found.interval.low, found.interval.high) == (0.0, 1.0)
     assert agent_tables(trials, draws=400, seed=0) == (table,)
+
+
+def test_each_mean_is_of_its_own_field():
+    made = trial([scene(1, 0.2, 0.4), scene(2, 0.5, 0.7)])
+    first = Moment(at_s=3.0, wall_share=0.25, calls_share=0.5, tokens_share=0.75)
+    split = {cause: 10.0 + n for n, cause in enumerate(CAUSES)}
+    made = replace(
+        made, final_q=0.5, best_q=0.75, regret=0.25, first=first, picked_q=0.375, edits=(0,) * 8,
+        n_lowering=1, n_lowering_r=2, n_lowering_a=3, regret_split=split,
+    )  # fmt: skip
+    (table,) = agent_tables([made, made], draws=10, seed=0)
+    assert {name: mean.value for name, mean in table.means.items()} == {
+        "final_q": 0.5, "best_q": 0.75, "regret": 0.25, "lowering_share": 0.125,
+        "lowering_r_share": 0.25, "lowering_a_share": 0.375, "first_s": 3.0,
+        "first_wall_share": 0.25, "first_calls_share": 0.5, "first_tokens_share": 0.75,
+        "picked_q": 0.375, **{f"regret_{cause}": value for cause, value in split.items()},
+    }  # fmt: skip
+    assert {mean.n for mean in table.means.values()} == {2}
+    assert (table.agent, table.n_trials, table.n_evaluable) == ("a", 2, 2)
+    none = replace(made, first=None, best_q=None, edits=(), picked_q=None)
+    (table,) = agent_tables([made, none], draws=10, seed=0)
+    alone = {name for name, mean in table.means.items() if mean.n == 1}
+    assert alone == {
+        "best_q", "regret", "lowering_share", "lowering_r_share", "lowering_a_share", "first_s",
+        "first_wall_share", "first_calls_share", "first_tokens_share", "picked_q",
+    }  # fmt: skip
+    assert (table.n_trials, table.n_evaluable) == (2, 1)
+    assert len(table.curves["wall"]) == len(SHARES)
+    (table,) = agent_tables([none], draws=10, seed=0)
+    assert (table.means["best_q"].value, table.means["best_q"].n) == (None, 0)
