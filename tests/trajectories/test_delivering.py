@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace as with_fields
 from trajectories.pages import recorded, scored
-from trajectories.test_picking import WANTED, report
+from trajectories.requirement_reports import WANTED, report
 
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
 from legoworld.files import write_text
