@@ -86,11 +86,7 @@ def export_submission(
 
 def _candidates(record: TrialRecord) -> Sequence[Checkpoint]:
     """The last few of each kind, each content once: one that does not open is passed over."""
-    saved, live = (
-        [*reversed({c.sha256: c for c in record.checkpoints if c.kind == kind}.values())]
-        for kind in ("saved", "live")
-    )
-    return [*saved[:_TRIED], *live[:_TRIED]]
+    return [*record.newest("saved")[:_TRIED], *record.newest("live")[:_TRIED]]
 
 
 def _export(

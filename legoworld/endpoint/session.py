@@ -213,9 +213,8 @@ class Session:
 
         A skipped checkpoint is reported with the next answer.
         """
-        live = {c.sha256: c for c in self._record.checkpoints if c.kind == "live"}
         first: BlenderEndedError | None = None
-        for last in (*reversed(live.values()), None):
+        for last in (*self._record.newest("live"), None):
             try:
                 started = self._open_checkpoint(last)
             except BlenderEndedError as error:

@@ -46,6 +46,14 @@ class TrialRecord:
         """The latest checkpoint of a kind."""
         return next((c for c in reversed(self.checkpoints) if c.kind == kind), None)
 
+    def newest(self, kind: Literal["live", "saved"]) -> list[Checkpoint]:
+        """The checkpoints of a kind, newest first, each content once: where it was left last."""
+        found: dict[str, Checkpoint] = {}
+        for checkpoint in reversed(self.checkpoints):
+            if checkpoint.kind == kind:
+                found.setdefault(checkpoint.sha256, checkpoint)
+        return list(found.values())
+
     def take(
         self, file: Path, sha256: str, *, kind: Literal["live", "saved"], call: int, at_s: float
     ) -> Checkpoint:
