@@ -81,8 +81,11 @@ def prompted(folder):
     [
         (other_photos, "is about other photos"),
         (prompted, "prompted with ground truth"),
-        (lambda folder: (folder / "coco" / "run.json").write_text("{"), "is not a finished baseline run"),
-        (lambda folder: (folder / "coco" / "run.json").unlink(), "is not a finished baseline run"),
+        (
+            lambda folder: (folder / "coco" / "run.json").write_text("{"),
+            "not a finished baseline run",
+        ),
+        (lambda folder: (folder / "coco" / "run.json").unlink(), "not a finished baseline run"),
     ],
 )
 def test_a_run_that_cannot_be_used_is_refused_in_one_line(copied, made, capsys, change, why):
