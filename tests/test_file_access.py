@@ -33,7 +33,7 @@ REMOVED = "remove_folder"
 
 ALLOWED: dict[str, dict[str, str]] = {
     "endpoint/screenshots.py": {},
-    "endpoint/session.py": {"copy.unlink": OURS, "found[0].unlink": OURS},
+    "endpoint/session.py": {"copy.unlink": OURS, "copy[0].unlink": OURS},
     "endpoint/workspace_finalisation.py": {
         "output.is_dir": OURS, "output.iterdir": OURS, "output.mkdir": OURS,
     },
@@ -52,7 +52,7 @@ ALLOWED: dict[str, dict[str, str]] = {
         "(folder / _LOCK).open": OURS, "(unfinished.folder / 'begun.json').unlink": OURS,
         "folder.mkdir": OURS, "path.is_dir": OURS, "path.is_symlink": OURS, "path.mkdir": OURS,
         "path.read_bytes": OURS, "path.unlink": OURS, "remove_folder": REMOVED,
-        "scenes.mkdir": OURS, "self.folder.iterdir": OURS, "self.made.iterdir": OURS,
+        "scenes.mkdir": OURS, "self.folder.iterdir": OURS, "self.scene_folder.iterdir": OURS,
         "trial.mkdir": OURS, "unfinished_folder(scenes, image).is_dir": OURS, "write_text": OURS,
     },
     "agents/trial_plugin.py": {
