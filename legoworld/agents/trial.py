@@ -50,7 +50,7 @@ def run_trial(
     blender: BlenderProcess,
     stop: Stop,
 ) -> ReconstructionFile:
-    """Build one image's scene folder in `unfinished.made`, or go on where a kill has left it.
+    """Build one image's scene folder in `unfinished.scene_folder`, or continue a killed trial.
 
     LegoWorldError where the trial cannot begin, and where it is stopped.
     """

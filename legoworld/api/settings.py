@@ -67,8 +67,11 @@ def open_track(track: Track | str | Path) -> Track:
 def load_protocol(task: str | None, track: Track | str | Path | None) -> Protocol | None:
     """The protocol of a task with a track's vocabulary; the track may also record the task.
 
-    None without either. UsageError if the task is unknown or the track was made for another task.
+    None without either. UsageError if the task is unknown, or several, or the track was made for
+    another task.
     """
+    if not isinstance(task, str | None):
+        raise UsageError("one view is of one task", found=repr(task)[:100], expected="its name")
     if track is None:
         return None if task is None else protocol(task, None)
     images = open_track(track)
