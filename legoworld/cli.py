@@ -51,6 +51,7 @@ _COMMANDS = {
 _AFTER_CTRL_C = {
     "readout": "finished images are kept; run the same command again to resume",
     "baseline run": "finished images are kept; run the same command again to resume",
+    "bench make": "finished renders are kept; run the same command again to resume",
     "reconstruct": "finished trials are kept; run the same command again to resume",
     "freeze": "records written so far are kept; run the same command again to freeze the rest",
 }

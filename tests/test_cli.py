@@ -67,6 +67,15 @@ def test_every_command_has_help_and_examples(name, capsys):
         assert "  " in option.strip() or len(below) > 10, f"no help for {option}"
 
 
+@pytest.mark.parametrize("name", CALLED)
+def test_after_ctrl_c_a_command_that_resumes_says_so(name, capsys):
+    """`bench make` said that nothing was kept, though its renders are."""
+    assert cli.run([*name.split(), "-h"]) == 0
+    resumes = "command to resume" in " ".join(capsys.readouterr().out.split())
+    said = cli._after_ctrl_c(name.split())
+    assert said.endswith("again to resume") == resumes, said
+
+
 def test_the_reference_page_is_what_the_commands_say():
     check = [sys.executable, str(ROOT / "docs" / "commands_page.py"), "--check"]
     assert subprocess.run(check, check=False).returncode == 0, "run `python docs/commands_page.py`"
