@@ -71,7 +71,7 @@ def test_every_command_has_help_and_examples(name, capsys):
 def test_after_ctrl_c_a_command_that_resumes_says_so(name, capsys):
     """`bench make` said that nothing was kept, though its renders are."""
     assert cli.run([*name.split(), "-h"]) == 0
-    resumes = "command to resume" in " ".join(capsys.readouterr().out.split())
+    resumes = " to resume" in " ".join(capsys.readouterr().out.split())
     said = cli._after_ctrl_c(name.split())
     assert said.endswith("again to resume") == resumes, said
 
