@@ -53,6 +53,7 @@ _AFTER_CTRL_C = {
     "baseline run": "finished images are kept; run the same command again to resume",
     "bench make": "finished renders are kept; run the same command again to resume",
     "reconstruct": "finished trials are kept; run the same command again to resume",
+    "trajectory score": "checkpoints read so far are kept; run the same command again to resume",
     "freeze": "records written so far are kept; run the same command again to freeze the rest",
 }
 
