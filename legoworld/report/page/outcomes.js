@@ -7,7 +7,7 @@ export const PLURALS = { tp: "true positives", fp: "false positives", fn: "misse
 export const SIGNS = { tp: "", fp: "\u2715 ", fn: "? ", other: "\u00b7 ", truth: "", object: "" };
 export const LAYERS = ["truth", "tp", "fp", "fn", "other"];
 
-/** @typedef {{id: number, layer: string, side: number, shape: Drawn, name: string, t: number|null,
+/** @typedef {{id: number, layer: string, side: number, shape: DrawnTruth, name: string, t: number|null,
  *   iou: number|null, what: string, score?: number, p?: number, object?: string}} Item */
 
 function layerOf(outcome) { return outcome === "tp" || outcome === "fp" ? outcome : "other"; }

@@ -128,7 +128,7 @@ function boxPath(box) {
 
 const PATHS = new WeakMap();
 
-/** @param {Drawn} shape */
+/** @param {DrawnTruth} shape */
 export function shapePath(shape, size) {
   if (!PATHS.has(shape)) {
     PATHS.set(shape, shape.rle ? maskPath(shape.rle, size[1])
