@@ -60,29 +60,29 @@ def task_names() -> tuple[str, ...]:
 
 def known_tasks() -> tuple[Task, ...]:
     """Every task that can be loaded, those that ship first; others by name."""
-    added = []
-    for name in task_names()[len(TASKS) :]:
-        try:
-            added.append(task_named(name))
-        except InstallationError:
-            continue  # the error is for who asks for it
-    return (*TASKS, *added)
+    return (*TASKS, *_load_added()[0])
 
 
 def broken_tasks() -> list[InstallationError]:
     """Why tasks of installed packages cannot be asked for; `known_tasks` leaves them out."""
-    errors = []
-    for name in task_names()[len(TASKS) :]:
-        try:
-            task_named(name)
-        except InstallationError as error:
-            errors.append(error)
-    return errors
+    return _load_added()[1]
 
 
 def family_tasks(family: Family) -> tuple[Task, ...]:
     """The tasks of one family."""
     return tuple(task for task in known_tasks() if task.family == family)
+
+
+def _load_added() -> tuple[list[Task], list[InstallationError]]:
+    """The tasks of installed packages by name, and the errors of those that cannot be loaded."""
+    tasks: list[Task] = []
+    errors: list[InstallationError] = []
+    for name in task_names()[len(TASKS) :]:
+        try:
+            tasks.append(task_named(name))
+        except InstallationError as error:
+            errors.append(error)
+    return tasks, errors
 
 
 @cache
