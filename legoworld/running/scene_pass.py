@@ -98,9 +98,10 @@ def read_scenes(
             runs.append(_RunningRun(one, partial(_say_with_prefix, prefix, notice)))
         _keep_valid(runs)
         kept(sum(len(run.valid) for run in runs))
-        sizes = [sum(run.file_bytes()) for run in runs]
+        sizes = [run.file_bytes() for run in runs]
+        total = sum(sum(own) for own in sizes)
         for run, own in zip(runs, sizes, strict=True):
-            run.check_disk(sum(sizes) - own)
+            run.check_disk(own, beside=total - sum(own))
         with ExitStack() as journals:
             for run in runs:
                 run.open_journal(journals)
@@ -164,16 +165,16 @@ class _RunningRun:
             return []
         return [bound(self.options.rendered_size(i.size_wh)) for i in self.todo() if i.size_wh]
 
-    def check_disk(self, others: int) -> None:
-        """OutputFullError if the files do not fit; others: bytes of the pass's other runs."""
+    def check_disk(self, file_bytes: Sequence[int], *, beside: int) -> None:
+        """OutputFullError if the files do not fit; beside: bytes of the pass's other runs."""
         if self.options.protocol.readout.file_bytes is not None:
             check_disk(
                 self.options.run,
-                self.file_bytes(),
+                file_bytes,
                 self._notice,
                 what=self.options.protocol.card.reads,
                 next_step="free some space, choose another -o, or render smaller with --max-side",
-                beside=others,
+                beside=beside,
             )
 
     def open_journal(self, journals: ExitStack) -> None:
