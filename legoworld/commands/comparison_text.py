@@ -14,7 +14,7 @@ from legoworld.comparison.tables import (
     notes_of,
     number,
 )
-from legoworld.comparison.verdict import classify_difference, headline_rows, verdict_sentence
+from legoworld.comparison.verdict import classify_difference, headline_rows, verdict_sentences
 from legoworld.pluralize import plural
 from legoworld.tables.table import Cell, Table, table
 from legoworld.tables.terminal import WIDTH, filled, terminal
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def short_comparison(document: Document) -> str:
     """The verdict of every pair, its coverage, and its headline metrics with their differences."""
     pairs = [(one.task, pair) for one in list_comparisons(document) for pair in one.pairs]
-    verdicts = [f"{verdict_sentence(task, pair)}." for task, pair in pairs]
+    verdicts = [said for task, pair in pairs for said, _ in verdict_sentences(task, pair)]
     count = plural(len(notes_of(document)), "note", "notes")
     ends = [f"{start}{reasons}" for start, reasons in _not_paired(document)]
     ends.append(f"{count} on interpretation, and all tables: -v")

@@ -35,16 +35,38 @@ def headline_rows(pair: Pair) -> list[ComparisonRow]:
     return paired or [row for row in rows if row.images == "attempted"]
 
 
-def verdict_sentence(task: str, pair: Pair) -> str:
-    """The first headline metric of two methods as one sentence."""
-    row = headline_rows(pair)[0]
-    coverage = pair.coverage
+def verdict_sentences(task: str, pair: Pair) -> list[tuple[str, Standing]]:
+    """The first headline metric of two methods, with its verdict.
+
+    Over the images of both; where these are not all, over every attempted one, too.
+    """
+    row, coverage = headline_rows(pair)[0], pair.coverage
     images = share(coverage.paired, coverage.attempted, "image", "images")
-    return (
-        f"{noun(task, pair.scene)}: {_NAMES.get(row.metric, row.metric)} {spelt(row.scene)} "
-        f"against {pair.baseline} {spelt(row.baseline)}; difference "
-        f"{spelt(row.difference, signed=True)}, {images} paired: {_WORDS[classify_difference(row)]}"
-    )
+    name = _NAMES.get(row.metric, row.metric)
+    told = [
+        (
+            f"{noun(task, pair.scene)}: {name} {spelt(row.scene)} against {pair.baseline} "
+            f"{spelt(row.baseline)}; difference {spelt(row.difference, signed=True)}, {images} "
+            f"paired",
+            classify_difference(row),
+        )
+    ]
+    every = _over_attempted(row, pair)
+    if every is not None:
+        said = (
+            f"Over all {coverage.attempted} attempted: {name} {spelt(every.scene)} against "
+            f"{spelt(every.baseline)}; difference {spelt(every.difference, signed=True)}"
+        )
+        told.append((said, classify_difference(every)))
+    return [(f"{said}: {_WORDS[standing]}.", standing) for said, standing in told]
+
+
+def _over_attempted(row: ComparisonRow, pair: Pair) -> ComparisonRow | None:
+    """The same metric over all attempted images, where the paired ones are fewer."""
+    if row.images != "paired" or pair.coverage.paired == pair.coverage.attempted:
+        return None
+    same = (r for r in pair.rows if r.metric == row.metric and r.images == "attempted")
+    return next(same, None)
 
 
 def noun(task: str, name: str) -> str:

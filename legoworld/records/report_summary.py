@@ -11,25 +11,34 @@ Standing = Literal["better", "worse", "not told apart", "no interval", "alone"]
 
 
 class Verdict(Record, frozen=True, kw_only=True):
-    """One sentence with its denominators. standing: of the first side named."""
+    """One sentence with its denominators. standing: of the first side named.
+
+    main: it is over the images that both sides answer; otherwise it repeats one over all attempted.
+    """
 
     sentence: str
+    main: bool = True
     standing: Standing
 
 
 class Cost(Record, frozen=True, kw_only=True):
-    """Errors of one kind in one category, of one side. name, category: what lists their photos."""
+    """Errors of one kind in one category, of one side; or its images without an answer.
+
+    gain: what AP gains where they are mended; others: where the other side's are, of two.
+    kind, category: what lists their photos, with the side.
+    """
 
     kind: str
-    category: int
-    name: str
+    category: int | None
     n: int
     images: int
     text: str
+    gain: float
+    others: float | None
 
 
 class SideCosts(Record, frozen=True, kw_only=True):
-    """What costs a side most, the most first. n: all its errors."""
+    """What costs a side most AP, the most first. n: all its errors."""
 
     label: str
     n: int

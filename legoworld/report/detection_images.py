@@ -31,7 +31,8 @@ R = TypeVar("R", TrueAnnotation, ShownPrediction)
 class SideImage:
     """One side's answer to one photo.
 
-    entries: its predictions in canonical order, as view/predictions.json has them; quality: the
+    entries: its predictions in canonical order, as view/predictions.json has them; places: where
+    they stand there; iou: (D, G) their overlaps as the evaluator measures them; quality: the
     photo's own panoptic quality, None where there is neither truth nor a false positive.
     """
 
@@ -39,6 +40,8 @@ class SideImage:
     run_row: RunRow
     scene: ImageSource | None
     entries: tuple[ShownPrediction, ...]
+    places: tuple[int, ...]
+    iou: NDArray[np.float64]
     errors: ImageErrors
 
     @property
@@ -67,20 +70,25 @@ def detection_images(sides: Sequence[StoredEvaluation]) -> Iterator[DetectionIma
     """The photos of a section's track, ascending id, one at a time."""
     truth = sides[0].truth_view()
     truths = _by_image(truth.annotations)
-    entries = [_by_image(side.prediction_views()) for side in sides]
+    shown = [side.prediction_views() for side in sides]
+    entries = [_by_image(of_side) for of_side in shown]
+    places = [_places(of_side) for of_side in shown]
     rows = [{row.image_id: row for row in side.detection_rows} for side in sides]
     for image in sorted(truth.images, key=lambda i: i.id):
         annotated = tuple(truths.get(image.id, ()))
         answers = []
-        for side, mine, row in zip(sides, entries, rows, strict=True):
+        for side, mine, at, row in zip(sides, entries, places, rows, strict=True):
             predictions = tuple(mine.get(image.id, ()))
+            iou = _overlaps(side.task, image, annotated, predictions)
             answers.append(
                 SideImage(
                     row=row[image.id],
                     run_row=side.run_rows[image.id],
                     scene=side.source(image.id),
                     entries=predictions,
-                    errors=_errors(side.task, image, annotated, predictions),
+                    places=tuple(at.get(image.id, ())),
+                    iou=iou,
+                    errors=_errors(side.task, image, annotated, predictions, iou),
                 )
             )
         yield DetectionImage(image=image, truths=annotated, sides=tuple(answers))
@@ -91,6 +99,7 @@ def _errors(
     image: TrueImage,
     truths: Sequence[TrueAnnotation],
     predictions: Sequence[ShownPrediction],
+    iou: NDArray[np.float64],
 ) -> ImageErrors:
     outcome = [p.outcome_50 for p in predictions]
     errors = image_errors(
@@ -99,7 +108,7 @@ def _errors(
         score=np.array([p.score for p in predictions], np.float64),
         truth_category=np.array([t.category_id for t in truths], np.int64),
         ignored=np.array([_is_ignored(task, t) for t in truths], bool),
-        iou=_overlaps(task, image, truths, predictions),
+        iou=iou,
     )
     if outcome.count("tp") != sum(f is not None for f in errors.finder):
         raise ReportInputError(
@@ -124,11 +133,12 @@ def _overlaps(
     truths: Sequence[TrueAnnotation],
     predictions: Sequence[ShownPrediction],
 ) -> NDArray[np.float64]:
-    """(D, G) IoU as the evaluator measures it: of boxes, or of masks."""
+    """(D, G) IoU as the evaluator measures it: of boxes, or of masks; COCO's own for its crowds."""
     if not truths or not predictions:
         return np.zeros((len(predictions), len(truths)))
     shapes_of_both = shapes(task, image, predictions), shapes(task, image, truths)
-    return overlaps(*shapes_of_both, [0] * len(truths))
+    federated = detection_protocol(task).federated
+    return overlaps(*shapes_of_both, [0 if federated else int(bool(t.iscrowd)) for t in truths])
 
 
 def shapes(
@@ -137,6 +147,13 @@ def shapes(
     """What is compared of predictions or truths: boxes, or compressed masks."""
     shape, size_hw = detection_protocol(task).payload.shape, (image.height, image.width)
     return [shape(row, size_hw) for row in rows]
+
+
+def _places(rows: Sequence[ShownPrediction]) -> dict[int, list[int]]:
+    places: dict[int, list[int]] = {}
+    for place, row in enumerate(rows):
+        places.setdefault(row.image_id, []).append(place)
+    return places
 
 
 def _by_image(rows: Sequence[R]) -> dict[int, list[R]]:

@@ -18,10 +18,12 @@ from legoworld.records.report_page import (
 from legoworld.records.report_summary import Plots
 from legoworld.records.report_tables import ErrorCounts, PageSection
 from legoworld.report.advice import detection_advice
+from legoworld.report.costs import side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
 from legoworld.report.error_kinds import KINDS
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.first_screen import first_screen
+from legoworld.report.mended_ap import MendedAp, errors_of
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.plots import IouCounts, precision_recall
@@ -35,12 +37,14 @@ from legoworld.report.tie_picture import tie_pictures
 class _SideErrors:
     """One side's errors, image by image."""
 
+    mended: MendedAp
     by_image: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
     reached: int = 0
     iou: IouCounts = field(default_factory=IouCounts)
 
     def add(self, image: DetectionImage, side: SideImage) -> None:
         self.by_image[image.image.id] = list(_errors(image, side))
+        self.mended.add(image, side)
         self.reached += side.errors.truth.count("reached")
         self.iou.add(side)
 
@@ -65,7 +69,7 @@ def detection_section(
     places.read([(row.file_name, sizes_wh[row.image_id]) for row in sides[0].rows])
     rows: list[tuple[float, PhotoRow]] = []
     used: set[int] = set()
-    errors = [_SideErrors() for _ in sides]
+    errors = [_SideErrors(mended=MendedAp(side=side)) for side in sides]
     for image in detection_images(sides):
         view = _view(section, image, names, document, places)
         # Lowest quality of the first side first; neither truth nor a false prediction last.
@@ -79,7 +83,7 @@ def detection_section(
     categories = category_lines(sides)
     return replace(
         made,
-        first=first_screen(section, [e.by_image for e in errors], names),
+        first=first_screen(section, side_costs([e.mended for e in errors], names)),
         ties=tuple(picture for side in sides for picture in tie_pictures(side)),
         categories=tuple(categories),
         category_table=category_table(section.key, sides, categories),
@@ -94,10 +98,10 @@ def detection_section(
 
 
 def _errors(image: DetectionImage, side: SideImage) -> Iterator[tuple[str, int]]:
-    """Kind and category of every false positive, and of every object that is missed."""
-    for entry, kind in zip(side.entries, side.errors.kind, strict=True):
-        if kind is not None:
-            yield kind, entry.category_id
+    """The key of every false positive, and of every object that is missed."""
+    for key, _, _ in errors_of(image, side):
+        if key is not None:
+            yield key
     for truth, state in zip(image.truths, side.errors.truth, strict=True):
         if state == "missed":
             yield "missed", truth.category_id
@@ -158,7 +162,7 @@ def _row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
                 tp=side.row.greedy_50.tp,
                 fp=side.row.greedy_50.fp,
                 fn=side.n_missed,
-                errors=tuple(sorted(set(_errors(image, side)))),
+                errors=tuple(sorted(set(_errors(image, side)))) if drawn.status == "ok" else (),
                 advice=drawn.advice[0].what if drawn.advice else "",
                 findings=sum(a.level == "bad" for a in drawn.advice),
             )

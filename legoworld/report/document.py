@@ -65,7 +65,7 @@ def _section_tables(section: Section) -> PageSection:
         comparison=section.comparison,
         pairs=tuple(comparison_tables(section.comparison)) if section.comparison else (),
         compared=compare_command(section.comparison, sides) if section.comparison else None,
-        first=first_screen(section, (), {}),
+        first=first_screen(section),
     )
     if not sides:
         return made

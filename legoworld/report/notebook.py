@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.comparison.tables import Document, headline_blocks, list_comparisons
-from legoworld.comparison.verdict import noun, verdict_sentence
+from legoworld.comparison.verdict import noun, verdict_sentences
 from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import metric_tables
 from legoworld.records.evaluation_summary import Summary
@@ -46,7 +46,7 @@ def comparison_html(document: Document) -> str:
     """A comparison: the verdict of every pair, both sides' metrics, and the differences."""
     parts = []
     for one in list_comparisons(document):
-        sentences = [f"{verdict_sentence(one.task, pair)}." for pair in one.pairs]
+        sentences = [said for pair in one.pairs for said, _ in verdict_sentences(one.task, pair)]
         labels = [one.pairs[0].scene, *(pair.baseline for pair in one.pairs)] if one.pairs else []
         parts.append(_block(sentences, _forest(forest_rows(one.task, [], one), labels), ""))
     return "".join(parts) + _numbers(headline_blocks(document))

@@ -129,7 +129,7 @@ def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:
     return {
         "sections": [_for_scripts(section) for section in document.sections],
         "views": [[view.section, view.id, scene_name(view.file_name)] for view in document.views],
-        "kinds": list(KINDS),
+        "kinds": [*KINDS, "failed"],
         "beside": {
             "folder": beside.folder if beside.any else "",
             "pictures": beside.pictures,

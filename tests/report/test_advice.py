@@ -12,7 +12,7 @@ from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
 from legoworld.records.run_rows import RunRow, Unexported, Unmatched
 from legoworld.report.advice import _alike, _edges, detection_advice
-from legoworld.report.detection_images import DetectionImage, SideImage, _errors
+from legoworld.report.detection_images import DetectionImage, SideImage, _errors, _overlaps
 from legoworld.visibility.view import UNSEEN_REASONS
 
 CUP, TABLE, DINING_TABLE = 1, 2, 3
@@ -65,12 +65,15 @@ def advice(
         to_record(ShownPrediction, {**shaped(task, b), **prediction(c, outcome)})
         for b, c, outcome in predictions
     )
+    iou = _overlaps(task, image, true, entries)
     side = SideImage(
         row=ROW,
         run_row=run_row or RunRow(image_id=1, file_name="a.jpg", status="ok"),
         scene=None,
         entries=entries,
-        errors=_errors(task, image, true, entries),
+        places=tuple(range(len(entries))),
+        iou=iou,
+        errors=_errors(task, image, true, entries, iou),
     )
     found = detection_advice(
         task, DetectionImage(image=image, truths=true, sides=(side,)), side, NAMES, scene=scene
@@ -190,12 +193,15 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     image = TrueImage(id=1, height=SIZE[0], width=SIZE[1])
     true = (to_record(TrueAnnotation, {**ring, "image_id": 1, "category_id": CUP}),)
     entry = to_record(ShownPrediction, {**shaped("lvis", frame), **prediction(CUP, "fp")})
+    iou = _overlaps("lvis", image, true, (entry,))
     side = SideImage(
         row=ROW,
         run_row=RunRow(image_id=1, file_name="a.jpg", status="ok"),
         scene=None,
         entries=(entry,),
-        errors=_errors("lvis", image, true, (entry,)),
+        places=(0,),
+        iou=iou,
+        errors=_errors("lvis", image, true, (entry,), iou),
     )
     view = DetectionImage(image=image, truths=true, sides=(side,))
     (said,) = detection_advice("lvis", view, side, NAMES, scene=True)

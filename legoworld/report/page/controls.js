@@ -92,7 +92,7 @@ function fillChoices(section) {
 export function startControls() {
   DATA.sections.forEach((section) => { if (section.sides.length) { fillChoices(section); } });
   document.querySelectorAll("[data-filter]").forEach((input) => {
-    input.addEventListener("input", () => moveTo({ [keyOf(input)]: input.value }));
+    input.addEventListener("input", () => moveTo({ [keyOf(input)]: input.value, of: "" }));
   });
   document.querySelectorAll("thead button[data-sort]").forEach((button) => {
     button.addEventListener("click", () => {

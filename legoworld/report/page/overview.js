@@ -52,10 +52,16 @@ function forestFigure(section) {
   const table = rows.flatMap((row) => [
     ...row.sides.map((s, k) => [row.name, labels[k], ...numbers(s), s ? s.over : ""]),
     ...row.differences.map((s, k) => [row.name, labels[0] + " minus " + labels[k + 1], ...numbers(s), ""])]);
-  return plotFigure({ name: "metrics-" + section.key, title: "Main metrics", root,
+  return plotFigure({ name: "metrics-" + section.key, title: "Main metrics" + denominator(section), root,
     keys: labels.map((label, k) => ["side-key-" + Math.min(k, 2), label]),
     note: intervalNote(rows, pairs > 0, Boolean(section.bench)),
     head: ["metric", "of", "value", "low", "high", "over"], rows: table });
+}
+
+/* The values of every side are over all of them, whatever the verdict's pairs are. */
+function denominator(section) {
+  const attempted = section.first.coverage.map((bar) => bar.attempted)[0];
+  return attempted ? " over all " + counted(attempted, section.bench ? "case" : "image", section.bench ? "cases" : "images") + " attempted" : "";
 }
 
 function intervalNote(rows, compared, bench) {

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.matching.chunks import Chunk
 from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
 from legoworld.evaluation.detection.payloads.payload import Overlaps
+from legoworld.evaluation.detection.problem import Ints
 from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 from legoworld.evaluation.kernels.library import check, library, pointer
 
@@ -21,7 +23,8 @@ from legoworld.evaluation.kernels.library import check, library, pointer
 _THRESHOLDS: Final = np.minimum(IOU_THRESHOLDS, 1 - 1e-10)
 _LOW, _HIGH = (np.array(bound) for bound in zip(*AREA_RANGES, strict=True))
 
-Arrays = list[NDArray[Any]]
+Column = NDArray[Any]
+Arrays = list[Column]
 
 
 class _ChunkStruct(ctypes.Structure):
@@ -57,11 +60,23 @@ class _RulesStruct(ctypes.Structure):
 
 def states_of_chunk(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
     """(A, T, D) the outcome of a chunk's detections, as in MatchTable."""
-    struct, _kept = _struct(chunk, overlaps)
+    first = chunk.first_detection, chunk.first_truth
+    return states_of_columns(first, *_columns(chunk, overlaps))
+
+
+def states_of_columns(
+    first: tuple[Ints, Ints], detections: Sequence[Column], truths: Sequence[Column]
+) -> NDArray[np.uint8]:
+    """(A, T, D) the outcome of detections that are given as columns.
+
+    first: (images + 1,) where each image's detections and truths begin. detections: overlaps as in
+    Overlaps.iou, then category, area, verified, exhaustive; truths: category, area, ignored, crowd.
+    """
+    struct, _kept = _struct(first, [*detections, *truths])
     rules = _RulesStruct(
         pointer(_THRESHOLDS), len(_THRESHOLDS), pointer(_LOW), pointer(_HIGH), len(_LOW)
     )
-    state = np.zeros((len(_LOW), len(_THRESHOLDS), len(chunk.detections.image)), np.uint8)
+    state = np.zeros((len(_LOW), len(_THRESHOLDS), len(detections[1])), np.uint8)
     check(library().lw_match(ctypes.byref(struct), ctypes.byref(rules), pointer(state)))
     return state
 
@@ -72,7 +87,9 @@ def pairs_of_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pa
     Ties (to about nine decimals) are broken by more hits, then by more hits with the correct label.
     Without this rule the numbers would depend on the order of the ids.
     """
-    struct, _kept = _struct(chunk, overlaps)
+    detections, truths = _columns(chunk, overlaps)
+    first = chunk.first_detection, chunk.first_truth
+    struct, _kept = _struct(first, [*detections, *truths])
     most = len(chunk.truths.image)
     detection, truth, iou = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most)
     counted = np.empty(len(chunk.detections.image), bool)
@@ -86,22 +103,15 @@ def pairs_of_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pa
     return Pairs(detection=detection[some], truth=truth[some], iou=iou[some], counted=counted)
 
 
-def _struct(chunk: Chunk, overlaps: Overlaps) -> tuple[_ChunkStruct, Arrays]:
-    """The chunk as the library reads it, and the arrays that this points into."""
-    detections, truths = chunk.detections, chunk.truths
-    first = [chunk.first_detection, chunk.first_truth]
-    columns = [
-        overlaps.iou,
-        detections.category,
-        overlaps.area,
-        detections.verified,
-        detections.exhaustive,
-        truths.category,
-        truths.area,
-        truths.ignored,
-        truths.crowd,
-    ]
+def _columns(chunk: Chunk, overlaps: Overlaps) -> tuple[list[Column], list[Column]]:
+    """The columns of a chunk as `states_of_columns` takes them."""
+    d, t = chunk.detections, chunk.truths
+    detections: list[Column] = [overlaps.iou, d.category, overlaps.area, d.verified, d.exhaustive]
+    return detections, [t.category, t.area, t.ignored, t.crowd]
+
+
+def _struct(first: tuple[Ints, Ints], columns: Sequence[Column]) -> tuple[_ChunkStruct, Arrays]:
+    """Columns as the library reads them, and the arrays that this points into."""
     kept = [np.ascontiguousarray(array) for array in (*first, *columns)]
     pointers = [pointer(array) for array in kept]
-    struct = _ChunkStruct(*pointers[:2], len(chunk.sizes_hw), *pointers[2:])
-    return struct, kept
+    return _ChunkStruct(*pointers[:2], len(first[0]) - 1, *pointers[2:]), kept
