@@ -6,10 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-import numpy as np
 from msgspec.structs import replace
 
-from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.pluralize import plural
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import Advice, DrawnPrediction
@@ -17,6 +15,7 @@ from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions
+from legoworld.report.tried import Tried, try_steps
 
 _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
@@ -24,6 +23,7 @@ _LOOSE_IOU: Final = 0.75
 
 #: Below it, a truth of another category is a neighbour, not what a prediction stands for.
 _NEAR_IOU: Final = 0.3
+_OUTLINE: Final = "its box fits, its mask does not: model its outline and holes, and what hides it"
 #: Why a prediction is not counted, by its outcome.
 _NOT_COUNTED: Final = {
     "unverified": ", in a category that is not annotated in this image",
@@ -57,7 +57,7 @@ def detection_advice(
         parts = parts_of_truths(task, image, side)
         advice += _advise_missed(task, image, side, names, parts)
         advice += _parts(image, parts, names) + _false(task, image, side, names, parts)
-        advice += _loose(image, side, names) + _advise_uncounted(side)
+        advice += _loose(task, image, side, names) + _advise_uncounted(side)
         if scene:
             advice += _labels(side.run_row)
     if not scene:
@@ -169,8 +169,9 @@ def _false(
         if whole is not None:
             one, t = _part_alone(names[p.c], side.errors.truth[whole]), whole
         else:
-            taken = t is not None and side.errors.truth[t] == "found"
-            one = _false_one(p, truth, names, taken=taken)
+            one = _false_one(p, truth, names)
+            if t is not None and p.k == "localisation":
+                one = replace(one, do=_how_to_fit(task, image, side, names, (d, t)))
         by_advice.setdefault(one, []).append(d)
         about.setdefault(one, []).extend([] if t is None else [t])
     return [
@@ -195,9 +196,8 @@ def _part_alone(name: str, state: str) -> Advice:
 
 
 def _false_one(
-    drawn: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str], *, taken: bool
+    drawn: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str]
 ) -> Advice:
-    """taken: another prediction has found the truth."""
     name = names[drawn.c]
     if truth is None:
         return Advice(
@@ -221,7 +221,7 @@ def _false_one(
         ),
         "localisation": (
             f"{name} overlaps its object too little {iou}: {off}",
-            _how_to_fit(drawn, truth, taken=taken),
+            "",
         ),
         "both": (
             f"{name} overlaps only an object of another category, {other} {iou}, too little: {off}",
@@ -235,38 +235,68 @@ def _false_one(
     return Advice(level="bad", what=what, do=do)
 
 
-def _how_to_fit(drawn: DrawnPrediction, truth: TrueAnnotation, *, taken: bool) -> str:
-    """What helps a prediction that overlaps a truth of its category too little."""
-    if taken:
+def _how_to_fit(
+    task: str,
+    image: DetectionImage,
+    side: SideImage,
+    names: Mapping[int, str],
+    pair: tuple[int, int],
+) -> str:
+    """What was tried and helps a prediction that overlaps a truth of its category too little."""
+    if side.errors.truth[pair[1]] == "found":
         return (
             "another one has that object already: if this is another object, move it to its place; "
             "if not, remove it"
         )
-    fits = overlaps(np.array([drawn.box]), np.array([truth.bbox]), [0])[0, 0] >= _LOOSE_IOU
-    if drawn.rle and fits:
-        return "its box fits, its mask does not: model its outline and holes, and what hides it"
-    return "move or resize it to the photo"
+    return _step(try_steps(task, image, side, *pair), side, names)
 
 
-def _loose(image: DetectionImage, side: SideImage, names: Mapping[int, str]) -> list[Advice]:
+def _step(tried: Tried, side: SideImage, names: Mapping[int, str]) -> str:
+    if tried.parts_help:
+        return _count_in(tried, side, names)
+    if not tried.fit_helps:
+        return _OUTLINE
+    gain = f": IoU {tried.fitted_iou:.2f}" if tried.fitted_iou < 1 else ""
+    return f"move or resize it to the photo{gain}"
+
+
+def _count_in(tried: Tried, side: SideImage, names: Mapping[int, str]) -> str:
+    listed = ", ".join(sorted({names[side.entries[d].category_id] for d in tried.given_back}))
+    return (
+        f"count {listed} in, if part of it: IoU {tried.together_iou:.2f} with it; a label cuts its "
+        "object out of the one around it"
+    )
+
+
+def _loose(
+    task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str]
+) -> list[Advice]:
+    """What loses at AP's higher thresholds, the loosest first; what helps alike stands together."""
     pairs = [
-        (iou, names[image.truths[about].category_id], d)
+        (iou, names[image.truths[about].category_id], d, about)
         for d, (entry, about, iou) in enumerate(
             zip(side.entries, side.errors.about, side.errors.iou, strict=True)
         )
         if entry.outcome_50 == "tp" and about is not None and iou is not None
     ]
-    loose = sorted(p for p in pairs if p[0] < _LOOSE_IOU)
-    if not loose:
-        return []
-    listed = ", ".join(f"{name} {iou:.2f}" for iou, name, _ in loose)
+    by_step: dict[str, list[tuple[str, int]]] = {}
+    for iou, name, d, truth in sorted(p for p in pairs if p[0] < _LOOSE_IOU):
+        tried = try_steps(task, image, side, d, truth)
+        do, then = _OUTLINE, ""
+        if tried.parts_help:
+            do = _count_in(tried, side, names)
+        elif tried.fit_helps:
+            do = "fit size and place to the photo: AP averages over IoU 0.50 to 0.95"
+            then = f" (fitted {tried.fitted_iou:.2f})" if tried.fitted_iou < 1 else ""
+        by_step.setdefault(do, []).append((f"{name} {iou:.2f}{then}", d))
     return [
         Advice(
             level="warn",
-            what=f"detected, but with an IoU below {_LOOSE_IOU}: {listed}",
-            do="fit size and place to the photo: AP averages over IoU 0.50 to 0.95",
-            predictions=tuple(d for _, _, d in loose),
+            what=f"detected, but with an IoU below {_LOOSE_IOU}: {', '.join(n for n, _ in some)}",
+            do=do,
+            predictions=tuple(d for _, d in some),
         )
+        for do, some in by_step.items()
     ]
 
 

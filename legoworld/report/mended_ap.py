@@ -247,7 +247,7 @@ class _Mender:
     def _best(self, moved: Sequence[tuple[int, int, float]]) -> list[tuple[int, int, float]]:
         """One prediction for each truth: the most confident."""
         best: dict[int, tuple[int, int, float]] = {}
-        rows = [self._row[entry] for entry, _, _ in moved]
+        rows = np.array([self._row[entry] for entry, _, _ in moved], np.int64)
         order = np.lexsort((rows, -self._table.score[rows]))
         for one in (moved[k] for k in order):
             best.setdefault(one[1], one)

@@ -24,8 +24,8 @@ _GOOD_F1: Final = 0.9
 #: F at 10 % that is so much above the headline's tells a displaced object from a wrong one.
 _NEAR: Final = 0.25
 _FOV_DEG: Final = 0.5
-_ROTATION_DEG: Final = 1.0
-_TRANSLATION_M: Final = 0.05
+#: A step that was tried is told where R gains more.
+_GAIN: Final = 0.01
 
 #: V's checks in the order they are made.
 _CHECKS: Final = Validity.__struct_fields__
@@ -40,7 +40,7 @@ def bench_advice(row: ReconstructionRow, run_row: RunRow) -> tuple[Advice, ...]:
         found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     found += _checks(row)
     if row.status == COMPARED:
-        found += _camera(row.camera) + _objects(row)
+        found += _camera(row.camera) + _tried(row) + _objects(row)
     found += [_flag(flag) for flag in row.flags]
     warnings = {*row.warnings, *run_row.warnings}
     found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
@@ -128,18 +128,30 @@ def _camera(camera: CameraError | None) -> list[Advice]:
                 do="set the camera to the case's hfov_deg: A renders through the scene's lens",
             )
         )
-    moved = camera.registration if camera is not None else None
-    if moved is not None and (
-        moved.rotation_deg > _ROTATION_DEG or moved.translation_m > _TRANSLATION_M
-    ):
-        what = (
-            f"the surfaces fit best after {moved.rotation_deg:.1f} degrees and "
-            f"{moved.translation_m:.2f} m"
-        )
-        found.append(
-            Advice(level="warn", what=what, do="correct the camera's pose, or the whole scene's")
-        )
     return found
+
+
+def _tried(row: ReconstructionRow) -> list[Advice]:
+    """The motion or the scale that R was measured with, where it gains."""
+    found, moved = row.diagnostics, row.camera.registration if row.camera else None
+    if found is None or row.R is None:
+        return []
+    steps = []
+    if moved is not None:
+        by = f"moved by {moved.rotation_deg:.1f} degrees and {moved.translation_m:.2f} m"
+        steps.append((found.R_rigid, by, "correct the camera's pose, or the whole scene's"))
+    steps.append(
+        (
+            found.R_median_scale,
+            "scaled to the reference's median depth",
+            "scale the scene about its camera",
+        )
+    )
+    gains = [(r, by, do) for r, by, do in steps if r is not None and r - row.R > _GAIN]
+    return [
+        Advice(level="warn", what=f"R {row.R:.3f} would be {r:.3f} with the surfaces {by}", do=do)
+        for r, by, do in sorted(gains, reverse=True)[:1]
+    ]
 
 
 def _flag(flag: Flag) -> Advice:

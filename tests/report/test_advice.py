@@ -262,3 +262,26 @@ def test_a_label_outside_the_vocabulary_is_named_where_its_category_is_missed() 
 )
 def test_an_edge_is_named_by_its_own_side(box, said):
     assert _edges(box, (10, 20, 30, 40)) == f"edges out (+) or in (-): {said}"
+
+
+def nested(own: int, part: int) -> list[str]:
+    """A truth of 40 x 40; a prediction without its lower half, and one of that half."""
+    return advice(
+        "coco-masks",
+        [((10, 10, 40, 40), CUP)],
+        [((10, 10, 40, 24), own, "tp"), ((12, 34, 36, 16), part, "fp")],
+    )
+
+
+def test_parts_that_would_close_a_hole_are_told_with_what_they_gain() -> None:
+    said = next(s for s in nested(CUP, TABLE) if s.startswith("detected, but"))
+    assert said == (
+        "detected, but with an IoU below 0.75: cup 0.60 => fit size and place to the photo: AP "
+        "averages over IoU 0.50 to 0.95"
+    ), "a box that is stretched fits better than the two together"
+    ring = advice(
+        "coco-masks",
+        [((10, 10, 40, 40), CUP)],
+        [((10, 10, 40, 24), CUP, "tp"), ((10, 34, 40, 16), TABLE, "fp")],
+    )
+    assert any("count table in, if part of it: IoU 1.00 with it" in s for s in ring)

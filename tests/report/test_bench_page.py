@@ -173,8 +173,9 @@ def compared(evaluations: list[Path]) -> Any:
     """A case that was compared, and a camera and a registration to change."""
     row = next(r for r in read_sources(evaluations[:1])[0].sides[0].rows if r.image_id == 4)
     still = Registration(rotation_deg=0, translation_m=0, iterations=1, trimmed_rms_m=0)
-    return replace(row, objects=(), flags=(), warnings=(), camera=replace(row.camera, fov_deg=0.0,
-                   registration=still))  # fmt: skip
+    camera = replace(row.camera, fov_deg=0.0, registration=still)
+    tried = replace(row.diagnostics, R_rigid=None, R_median_scale=None)
+    return replace(row, objects=(), flags=(), warnings=(), camera=camera, diagnostics=tried)
 
 
 RUN_ROW = RunRow(image_id=4, file_name="4.png", status="ok")
@@ -188,14 +189,25 @@ def test_a_lens_is_off_from_half_a_degree(compared: Any, off: float, sign: int, 
 
 
 @pytest.mark.parametrize(
-    ("degrees", "metres", "said"), [(1.0, 0.05, 0), (1.01, 0, 1), (0, 0.051, 1), (2, 2, 1)]
+    ("rigid", "scaled", "said"),
+    [
+        (0.7, 0.7, ""),
+        (0.709, None, ""),
+        (0.6, 0.5, ""),
+        (None, None, ""),
+        (0.8, 0.7, "R 0.700 would be 0.800 with the surfaces moved by 2.0 degrees and 0.50 m"),
+        (0.8, 0.9, "R 0.700 would be 0.900 with the surfaces scaled to the reference's median"),
+    ],
 )
-def test_a_pose_is_off_from_a_degree_or_five_centimetres(
-    compared: Any, degrees: float, metres: float, said: int
+def test_a_motion_or_a_scale_is_advised_only_where_r_gains(
+    compared: Any, rigid: float | None, scaled: float | None, said: str
 ) -> None:
-    moved = replace(compared.camera.registration, rotation_deg=degrees, translation_m=metres)
-    row = replace(compared, camera=replace(compared.camera, registration=moved))
-    assert len(bench_advice(row, RUN_ROW)) == said
+    moved = replace(compared.camera.registration, rotation_deg=2, translation_m=0.5)
+    tried = replace(compared.diagnostics, R_rigid=rigid, R_median_scale=scaled)
+    camera = replace(compared.camera, registration=moved)
+    row = replace(compared, R=0.7, camera=camera, diagnostics=tried)
+    found = bench_advice(row, RUN_ROW)
+    assert [a.what.startswith(said) for a in found] == [True] * bool(said)
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,18 @@ def union(masks: Sequence[EncodedMask]) -> EncodedMask:
     return merged
 
 
+def to_pixels(mask: EncodedMask) -> NDArray[np.uint8]:
+    """(H, W) 1 inside a compressed mask."""
+    pixels: NDArray[np.uint8] = _API.decode(mask)
+    return pixels
+
+
+def from_pixels(pixels: NDArray[np.uint8]) -> EncodedMask:
+    """The compressed mask of (H, W) pixels."""
+    encoded: EncodedMask = _API.encode(np.asfortranarray(pixels))
+    return encoded
+
+
 def compress_mask(mask: Any, size_hw: tuple[int, int]) -> EncodedMask:
     """Polygons or any RLE as compressed RLE with bytes, the way annToRLE makes it."""
     made: EncodedMask
