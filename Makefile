@@ -83,12 +83,14 @@ docs: $(VENV)/tests-installed
 	$(PYTHON) docs/page_types.py
 
 # docs/pictures of the report page anew; COMPARISON: the page of docs/real-run.md, BENCH: that of
-# `make bench-demo`, TUTORIAL: the folder of docs/tutorial.md, each where there is one.
+# `make bench-demo`, TUTORIAL: the folder of docs/tutorial.md, EVERY_QUESTION: the scenes of
+# examples/every-question, each where there is one.
 .PHONY: pictures
 pictures: demo $(VENV)/tests-installed
 	$(PYTHON) docs/report_pictures.py --demo $(DEMO)/report.html \
 	  $(if $(COMPARISON),--comparison $(COMPARISON)) $(if $(BENCH),--bench $(BENCH)) \
-	  $(if $(TUTORIAL),--tutorial $(TUTORIAL))
+	  $(if $(TUTORIAL),--tutorial $(TUTORIAL)) \
+	  $(if $(EVERY_QUESTION),--every-question $(EVERY_QUESTION))
 
 page-three: tools/page/node_modules/installed
 	cd tools/page && node build.mjs ../../legoworld/report/page/three.bundle.js

@@ -2,7 +2,9 @@
 
 `make pictures` makes the demo first. --comparison: the page of docs/real-run.md; only its numbers
 are pictured, since its photos may not be passed on. --bench: that of `make bench-demo`. --tutorial:
-where first.html and report.html of docs/tutorial.md lie. Needs playwright and Chromium.
+where first.html and report.html of docs/tutorial.md lie. --every-question: the scenes of
+examples/every-question, whose photos may not be passed on either: their own answers are pictured.
+Needs playwright and Chromium.
 """
 
 from __future__ import annotations
@@ -15,13 +17,18 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from playwright.sync_api import Browser, sync_playwright
+
+import legoworld
+from legoworld.readouts.pictures import instance_picture, read_photo
 
 PICTURES: Final = Path(__file__).parent / "pictures"
 #: WebGL by software, so that a machine without a GPU draws the same.
 _ARGUMENTS: Final = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _QUALITY: Final = 70
 _SCENE: Final = ".scene3d[data-ready]"
+_CELL_ROWS: Final = 150
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +74,7 @@ def main() -> int:
     parser.add_argument("--comparison", type=Path)
     parser.add_argument("--bench", type=Path)
     parser.add_argument("--tutorial", type=Path)
+    parser.add_argument("--every-question", type=Path)
     options = parser.parse_args()
     shots: list[tuple[Path, Shot]] = []
     shots += [(options.demo, shot) for shot in _DEMO if options.demo]
@@ -74,6 +82,8 @@ def main() -> int:
     shots += [(options.bench, shot) for shot in _BENCH if options.bench]
     if options.tutorial:
         shots += [(options.tutorial / page, shot) for page, shot in _TUTORIAL.items()]
+    if options.every_question:
+        _sheet(sorted(path for path in options.every_question.iterdir() if path.is_dir()))
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=_ARGUMENTS
@@ -99,8 +109,30 @@ def _take(browser: Browser, path: Path, shot: Shot) -> None:
     context.close()
 
 
+def _sheet(scenes: list[Path]) -> None:
+    """A column for each scene: its render, instances, depth and normals."""
+    columns = []
+    for folder in scenes:
+        view = legoworld.open_scene(folder).view()
+        normals = np.rint(np.nan_to_num(0.5 - 0.5 * view.normals()) * 255.0).astype(np.uint8)
+        cells = (read_photo(folder / "final.png"), instance_picture(view.instance),
+                 view.depth_picture(), normals)  # fmt: skip
+        columns.append(np.concatenate([_cell(picture) for picture in cells]))
+    sheet = np.ascontiguousarray(np.concatenate(columns, axis=1)[:, :, ::-1])
+    _encode(sheet, PICTURES / "every-question.webp")
+
+
+def _cell(picture: NDArray[np.uint8]) -> Any:
+    height, width = picture.shape[:2]
+    size_wh = (round(width * _CELL_ROWS / height), _CELL_ROWS)
+    return cv2.resize(picture, size_wh, interpolation=cv2.INTER_AREA)
+
+
 def _write(png: bytes, path: Path) -> None:
-    picture: Any = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    _encode(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), path)
+
+
+def _encode(picture: Any, path: Path) -> None:
     done, data = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
     assert done
     path.write_bytes(data.tobytes())
