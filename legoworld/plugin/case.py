@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld.files import sha256_of_text
+from legoworld.plugin.acceptance import list_worse
 from legoworld.plugin.artefacts import ARTEFACTS, Artefacts
 from legoworld.plugin.diff import changes
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.live import LiveBlender
-from legoworld.plugin.measure import measure
+from legoworld.plugin.measure import measure, only
 from legoworld.plugin.open_ledger import OpenLedger, TransactionError
+from legoworld.plugin.remaining_work import standing_requirements
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
 from legoworld.records.base import as_json, canonical, to_record
@@ -116,7 +118,8 @@ class Case(OpenLedger):
                 expected=f"at most {self._limits.transactions}",
                 next_step="export the scene as it is",
             )
-        scene, base = self.live.read(keep=True)
+        wanted = (*declaration.requirements, *self._guarded(declaration))
+        scene, base = self.live.read(keep=True, luma_wh=self._luma_wh(wanted))
         self.note(scene)
         unguarded = self.unguarded_changes(scene.state)
         if unknown := unknown_names(declaration, scene.state):
@@ -130,7 +133,17 @@ class Case(OpenLedger):
             "base_sha256": base,
             "scene_signature": scene.state.scene_signature,
             "unguarded": list(as_json(unguarded)),
+            "report": as_json(measure(scene, wanted, self.evidence)) if wanted else None,
         }
+
+    def _guarded(self, declaration: Declaration) -> tuple[Requirement, ...]:
+        """What earlier transactions required of other entities: this one must not break it."""
+        own = {*declaration.editable}
+        return tuple(
+            r
+            for r in standing_requirements(self.ledger.entries)
+            if r not in declaration.requirements and getattr(r, "entity", None) not in own
+        )
 
     def unguarded_changes(self, now: SceneState) -> tuple[Change, ...]:
         """Edits outside transactions: changes since the last one ended. Empty before the first.
@@ -176,11 +189,16 @@ class Case(OpenLedger):
                     expected=f"at most {self._limits.rounds} corrections",
                     next_step="roll it back",
                 )
-            before = self.base()
-            scene, copy = self.live.read(keep=True, luma_wh=self._luma_wh(declaration.requirements))
+            measured = begun.answer.get("report")
+            then = to_record(Report, measured).results if measured else ()
+            before, own = self.base(), declaration.requirements
+            wanted = tuple(result.requirement for result in then) or own
+            scene, copy = self.live.read(keep=True, luma_wh=self._luma_wh(wanted))
             self.note(scene)
-            report = measure(scene, declaration.requirements, self.evidence)
-            judgement = judge(before, scene.state, declaration, report)
+            now = measure(scene, wanted, self.evidence)
+            worse = list_worse(then, now.results, len(own)) if then else ()
+            report = only(now, len(own))
+            judgement = judge(before, scene.state, declaration, report, worse)
             if judgement.accepted:
                 self.keep_base(scene.state, copy)
             return judgement, report

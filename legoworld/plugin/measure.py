@@ -8,16 +8,19 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
 from legoworld.plugin import residuals
+from legoworld.plugin.acceptance import blocks
+from legoworld.plugin.corrections import Viewed, is_cut
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure_world import InTheWorld, UnknownError, UnmetError
 from legoworld.plugin.small_render import rec709_luma, spread
 from legoworld.plugin.state import LiveScene
 from legoworld.records import plugin_requirements as kinds
-from legoworld.records.plugin_requirements import Report, Requirement, Result
+from legoworld.records.plugin_requirements import Correction, Report, Requirement, Result
 from legoworld.visibility.camera import projection
 from legoworld.visibility.kernel import Buffers
 from legoworld.visibility.view import surfaces_through
@@ -53,8 +56,14 @@ def measure(
         photo_sha256=evidence.file.photo.sha256 if evidence else None,
         size_wh=size,
         results=results,
-        blocked=any(r.requirement.hard and r.verdict != "pass" for r in results),
+        blocked=any(map(blocks, results)),
     )
+
+
+def only(report: Report, count: int) -> Report:
+    """A report of the first requirements alone."""
+    results = report.results[:count]
+    return replace(report, results=results, blocked=any(map(blocks, results)))
 
 
 def _of_nothing(requirement: Requirement, why: LegoWorldError) -> Result:
@@ -117,6 +126,36 @@ class _Measurement(InTheWorld):
             measurement=measurement,
             residual=residual,
             tolerance=tolerance,
+            correction=self._correction(requirement, measurement) if residual > 0 else None,
+        )
+
+    def _correction(self, requirement: Requirement, measurement: float) -> Correction | None:
+        """What would take a residual to zero; None where no one move, scale or turn does."""
+        match requirement:
+            case kinds.Centroid() | kinds.Extent() | kinds.Overlap() | kinds.Boundary():
+                viewed = self._viewed(requirement.entity)
+                both = self._shapes(self.mask(requirement.entity), self.region(requirement.region))
+                if any(is_cut(shape, self.size_wh) for shape in both):
+                    return None
+                if isinstance(requirement, kinds.Extent):
+                    return viewed.fit(*both)
+                return viewed.towards(*both, scaled=not isinstance(requirement, kinds.Centroid))
+            case kinds.Depth():
+                return self._viewed(requirement.entity).along_ray(measurement)
+            case kinds.Support():
+                return Correction(move_m=(0.0, 0.0, -measurement))
+            case kinds.Facing():
+                return Correction(yaw_deg=self.turn_to_face(requirement))
+            case _:
+                return None
+
+    def _viewed(self, entity: str) -> Viewed:
+        depth_z_m = self.buffers.depth_z_m[self.mask(entity)]
+        return Viewed(
+            snapshot=self.scene.snapshot,
+            size_wh=self.size_wh,
+            depth_m=float(np.median(depth_z_m)),
+            middle_m=self.middle(entity),
         )
 
     def _values(self, requirement: Requirement) -> tuple[float, float]:

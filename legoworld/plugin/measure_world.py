@@ -121,6 +121,13 @@ class InTheWorld:
             raise UnknownError("one has no direction on the ground")
         return angle, angle
 
+    def turn_to_face(self, requirement: kinds.Facing) -> float:
+        """The turn about the upright, degrees, that makes `facing` 0."""
+        way = self.middle(requirement.towards) - self.middle(requirement.entity)
+        front = self._front(requirement.entity)
+        turn = np.arctan2(way[1], way[0]) - np.arctan2(front[1], front[0])
+        return float(np.degrees((turn + np.pi) % (2 * np.pi) - np.pi))
+
     def _front(self, name: str) -> NDArray[np.float64]:
         """(3,) an object's own -Y axis in the world, whatever its children do."""
         shot = self.scene.snapshot

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from legoworld.plugin.diff import changes
-from legoworld.records.plugin_ledger import Declaration, Judgement, Violation, Why
+from legoworld.records.plugin_ledger import Declaration, Judgement, Violation, Why, Worse
 from legoworld.records.plugin_requirements import Report
 from legoworld.records.plugin_state import SceneState
 
@@ -15,12 +15,16 @@ SCENE_ENTITIES: Final = ("camera", "render", "world", "collections")
 
 
 def judge(
-    before: SceneState, after: SceneState, declaration: Declaration, report: Report
+    before: SceneState,
+    after: SceneState,
+    declaration: Declaration,
+    report: Report,
+    worse: tuple[Worse, ...] = (),
 ) -> Judgement:
     """Every change between two states, allowed or not, and whether the edit may be committed.
 
-    report: the declaration's requirements measured on `after`. Raises ValueError for a report of
-    another state: it is stale.
+    report: the declaration's requirements measured on `after`; worse: what it made worse. Raises
+    ValueError for a report of another state: it is stale.
     """
     if report.scene_signature != after.scene_signature:
         raise ValueError("the report is of another state of the scene")
@@ -42,8 +46,9 @@ def judge(
     return Judgement(
         allowed=tuple(allowed),
         violations=tuple(violations),
-        blocked=report.blocked,
-        accepted=bool(allowed) and not violations and not report.blocked,
+        worse=worse,
+        blocked=report.blocked or bool(worse),
+        accepted=bool(allowed) and not violations and not report.blocked and not worse,
     )
 
 

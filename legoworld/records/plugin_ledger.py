@@ -49,14 +49,24 @@ class Violation(Record, frozen=True, kw_only=True):
     why: Why
 
 
+class Worse(Record, frozen=True, kw_only=True):
+    """A requirement that an edit made worse than its rule allows: its residuals."""
+
+    requirement: Requirement
+    before: float | None
+    after: float | None
+
+
 class Judgement(Record, frozen=True, kw_only=True):
     """What a transaction did, and whether it may be committed.
 
-    accepted: at least one allowed change, no violation, and every hard requirement passes.
+    worse: what holds less well than when it began; blocked: something does, or the report is.
+    accepted: at least one allowed change, no violation, and not blocked.
     """
 
     allowed: tuple[Change, ...]
     violations: tuple[Violation, ...]
+    worse: tuple[Worse, ...] = ()
     blocked: bool
     accepted: bool
 

@@ -15,9 +15,16 @@ Share = Annotated[float, Meta(ge=0, le=1)]
 
 
 class _Requirement(Record, frozen=True, kw_only=True, tag_field="kind"):
-    """hard: a fail or an unknown blocks; otherwise it warns."""
+    """hard: what is not accepted blocks; otherwise it warns.
+
+    accept: when a transaction may be committed. passes: within the tolerance. improves, not_worse:
+    against the residual when it began. null: of the picture (centroid, extent, overlap, boundary,
+    depth, depth_order, luminance) what an entity has is judged together: its IoU must not fall, and
+    no more residuals rise than fall; of the world, it passes.
+    """
 
     hard: bool = True
+    accept: Literal["passes", "improves", "not_worse"] | None = None
 
 
 class Existence(_Requirement, frozen=True, kw_only=True, tag="existence"):
@@ -167,6 +174,20 @@ Requirement = (
 )
 
 
+class Correction(Record, frozen=True, kw_only=True):
+    """What would take a residual to zero, all else left as it is; null where none does.
+
+    move_m: of the entity, world axes, in the plane of the picture or along the view; on_ground_m:
+    the same in the picture by a move along x and y; scale: a factor about the middle of its world
+    box; yaw_deg: about the upright through it, counter-clockwise from above.
+    """
+
+    move_m: tuple[float, float, float] | None = None
+    on_ground_m: tuple[float, float, float] | None = None
+    scale: float | None = None
+    yaw_deg: float | None = None
+
+
 class Result(Record, frozen=True, kw_only=True):
     """One requirement measured.
 
@@ -174,6 +195,7 @@ class Result(Record, frozen=True, kw_only=True):
     is required, in the unit of the tolerance. The verdict is pass exactly when the residual is at
     most the tolerance. Both are null where there is nothing to measure; `reason` then says why, and
     the verdict is unknown, or fail where that itself breaks the requirement (nothing below it).
+    correction: where one is known and the residual is above 0.
     """
 
     requirement: Requirement
@@ -182,12 +204,13 @@ class Result(Record, frozen=True, kw_only=True):
     residual: float | None
     tolerance: float
     reason: str | None = None
+    correction: Correction | None = None
 
 
 class Report(Record, frozen=True, kw_only=True):
     """All results about one state of the scene; stale as soon as its signature is another.
 
-    blocked: a hard requirement failed or is unknown.
+    blocked: a hard requirement that has to pass does not, or one is unknown.
     """
 
     schema_version: Literal[1] = 1
