@@ -99,6 +99,6 @@ def _files(source: ImageSource) -> Pairs:
         facts.append((name, f"sha256 {sha256}" if sha256 else "none"))
     if isinstance(provenance, dict):
         facts += [(f"provenance: {k}", str(v)) for k, v in sorted(provenance.items())]
-    else:
-        facts.append(("provenance", str(provenance)))
+    elif provenance is not None:
+        facts.append(("provenance", provenance))
     return facts
