@@ -40,7 +40,7 @@ ROOMS = [
     ("cards", "tracks", "depth_files"),
     ("workers",),
     ("scene",),
-    ("endpoint",),
+    ("endpoint", "solids"),
     ("visibility",),
     ("readouts",),
     ("running",),

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.scene.affine import transform_points
 from legoworld.scene.snapshot import Snapshot
+from legoworld.solids.meshes import surface_points_m, triangles_m
 
 
 class Entities:
@@ -46,21 +46,11 @@ class Entities:
 
     def surface_points_m(self, surface: int) -> NDArray[np.float64]:
         """(N, 3) float64: the world coordinates of one surface's vertices, metres."""
-        shot = self.snapshot
-        mesh = int(shot.surface_mesh[surface])
-        vertices = shot.vertices[slice(*shot.vertex_start[mesh : mesh + 2].tolist())]
-        world = transform_points(shot.world_from_mesh[surface], vertices.astype(np.float64))
-        return world * shot.render.unit_scale
+        return surface_points_m(self.snapshot, surface)
 
     def triangles_m(self, surfaces: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(T, 3, 3) float64: corners of the triangles of some surfaces in the world, metres."""
-        shot = self.snapshot
-        parts = [np.empty((0, 3, 3), np.float64)]
-        for surface in np.flatnonzero(surfaces).tolist():
-            mesh = int(shot.surface_mesh[surface])
-            triangles = shot.triangles[slice(*shot.triangle_start[mesh : mesh + 2].tolist())]
-            parts.append(self.surface_points_m(surface)[triangles])
-        return np.concatenate(parts)
+        return triangles_m(self.snapshot, np.flatnonzero(surfaces).tolist())
 
     def _surfaces(self, name: str) -> NDArray[np.bool_] | None:
         shot = self.snapshot

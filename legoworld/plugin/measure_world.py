@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.plugin import solids
 from legoworld.plugin.entities import Entities
-from legoworld.plugin.penetration import penetration_m
 from legoworld.plugin.state import LiveScene
-from legoworld.plugin.support import rest_on
 from legoworld.records import plugin_requirements as kinds
+from legoworld.solids import hulls
+from legoworld.solids.meshes import own_front
+from legoworld.solids.penetration import penetration_m
+from legoworld.solids.support import rest_on
 
 
 class UnknownError(Exception):
@@ -56,7 +57,7 @@ class InTheWorld:
         """Largest over smallest axis scale of any placement."""
         worst = 1.0
         for surface in np.flatnonzero(self.surfaces(requirement.entity)).tolist():
-            lengths, determinant = solids.scales(self.scene.snapshot.world_from_mesh[surface])
+            lengths, determinant = hulls.scales(self.scene.snapshot.world_from_mesh[surface])
             if not np.isfinite(lengths).all() or lengths.min() <= 0 or determinant <= 0:
                 raise UnmetError("a placement is flat, mirrored or not finite")
             worst = max(worst, float(lengths.max() / lengths.min()))
@@ -97,7 +98,7 @@ class InTheWorld:
 
     def containment(self, requirement: kinds.Containment) -> tuple[float, float]:
         """Share of vertices in the convex hull; the residual is what is missing."""
-        share = solids.share_inside(
+        share = hulls.share_inside(
             self.points(requirement.entity), self.points(requirement.inside)
         )
         if share is None:
@@ -116,7 +117,7 @@ class InTheWorld:
     def facing(self, requirement: kinds.Facing) -> tuple[float, float]:
         """Angle on the ground between its front and the way to the other, degrees."""
         way = self.middle(requirement.towards) - self.middle(requirement.entity)
-        angle = solids.facing_angle_deg(self._front(requirement.entity), way)
+        angle = hulls.facing_angle_deg(self._front(requirement.entity), way)
         if angle is None:
             raise UnknownError("one has no direction on the ground")
         return angle, angle
@@ -134,10 +135,9 @@ class InTheWorld:
         index = next((i for i, o in enumerate(shot.objects) if o.name == name), None)
         if index is None:
             raise UnknownError(f"{name!r} is a collection, which has no front: name an object")
-        own = (shot.occurrence_object == index) & (shot.occurrence_instancer < 0)
-        surfaces = np.flatnonzero(own[shot.surface_occurrence])
-        if len(surfaces):
-            return np.asarray(-shot.world_from_mesh[surfaces[0]][:, 1])
+        front = own_front(shot, index)
+        if front is not None:
+            return front
         placed = {(o.name, o.library): o for o in self.scene.state.objects}
         world = np.eye(4)
         while index >= 0:
@@ -149,7 +149,7 @@ class InTheWorld:
 
     def layout(self, requirement: kinds.Layout) -> tuple[float, float]:
         """Largest deviation of a step from the mean step, over its length."""
-        deviation = solids.step_deviation([self.middle(name) for name in requirement.entities])
+        deviation = hulls.step_deviation([self.middle(name) for name in requirement.entities])
         if deviation is None:
             raise UnknownError("all of them are in one place")
         return deviation, deviation

@@ -123,11 +123,12 @@ def _contacts(first: Triangles, second: Triangles, most: int) -> list[float]:
 
     request = fcl.CollisionRequest(num_max_contacts=most, enable_contact=True)
     result = fcl.CollisionResult()
-    fcl.collide(_model(first), _model(second), request, result)
+    fcl.collide(collision_model(first), collision_model(second), request, result)
     return [abs(float(contact.penetration_depth)) for contact in result.contacts]
 
 
-def _model(triangles: Triangles) -> Any:
+def collision_model(triangles: Triangles) -> Any:
+    """Triangles as FCL has them."""
     import fcl
 
     model = fcl.BVHModel()

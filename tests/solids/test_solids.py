@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from solids.boxes import UPRIGHT, about, box
 
-from legoworld.plugin.measure_world import InTheWorld, UnknownError
-from legoworld.plugin.penetration import penetration_m
-from legoworld.plugin.solids import facing_angle_deg
-from legoworld.plugin.support import centre_of_mass, rest_on
-
-#: The 12 triangles of a box, by its corners in the order of `itertools.product`, seen from outside.
-FACES = np.array(
-    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
-     (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
-)  # fmt: skip
-UPRIGHT = np.eye(3)
-
-
-def box(middle, size, turn=UPRIGHT):
-    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * size
-    return (corners @ np.asarray(turn).T + middle)[FACES]
-
-
-def about(axis, degrees):
-    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
-    cross = np.array([(0, -z, y), (z, 0, -x), (-y, x, 0)])
-    angle = math.radians(degrees)
-    return UPRIGHT + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-
+from legoworld.solids.penetration import penetration_m
+from legoworld.solids.hulls import facing_angle_deg
+from legoworld.solids.support import centre_of_mass, rest_on
 
 def separating_axes(first, second):
     """Least overlap over the 15 axes of two boxes (Gottschalk, Lin, Manocha 1996, OBBTree)."""
@@ -170,41 +148,3 @@ def test_the_centre_of_mass_is_the_volumes():
 )
 def test_the_angle_of_a_front(front, way, expected):
     assert facing_angle_deg(np.array(front), np.array(way)) == expected
-
-
-def fronts(child_turn):
-    """An empty turned by 90 degrees, with a mesh below it that is turned by itself."""
-    quarter, still = np.eye(4), np.eye(4).ravel()
-    quarter[:3, :3] = about((0, 0, 1), 90)
-    turned = quarter[:3, :3] @ child_turn
-    snapshot = SimpleNamespace(
-        objects=[
-            SimpleNamespace(name="Chair", library=None, parent=-1),
-            SimpleNamespace(name="Seat", library=None, parent=0),
-            SimpleNamespace(name="Pivot", library=None, parent=0),
-        ],
-        occurrence_object=np.array([1]),
-        occurrence_instancer=np.array([-1]),
-        surface_occurrence=np.array([0]),
-        world_from_mesh=np.hstack([turned, np.zeros((3, 1))])[None],
-    )
-    transforms = {"Chair": [*quarter.ravel(), *still], "Seat": [*still, *still]}
-    transforms["Pivot"] = [*quarter.ravel(), *quarter.ravel()]
-    states = [SimpleNamespace(name=n, library=None, transform=t) for n, t in transforms.items()]
-    scene = SimpleNamespace(snapshot=snapshot, state=SimpleNamespace(objects=states))
-    return {name: InTheWorld(scene)._front(name) for name in transforms}
-
-
-@pytest.mark.parametrize("degrees", [0, 90, 200])
-def test_a_front_is_the_objects_own_whatever_its_children_do(degrees):
-    turn = about((0, 0, 1), degrees)
-    found = fronts(turn)
-    assert found["Chair"] == pytest.approx((1, 0, 0))
-    assert found["Seat"] == pytest.approx(turn @ (1, 0, 0))
-    assert found["Pivot"] == pytest.approx((-1, 0, 0)), "parent, its inverse, its own"
-
-
-def test_a_collection_has_no_front():
-    scene = SimpleNamespace(snapshot=SimpleNamespace(objects=[]))
-    with pytest.raises(UnknownError, match="'Chairs' is a collection"):
-        InTheWorld(scene)._front("Chairs")
