@@ -98,11 +98,11 @@ class InTheWorld:
 
     def containment(self, requirement: kinds.Containment) -> tuple[float, float]:
         """Share of vertices in the convex hull; the residual is what is missing."""
-        share = hulls.share_inside(
-            self.points(requirement.entity), self.points(requirement.inside)
-        )
-        if share is None:
+        points = self.points(requirement.entity)
+        planes = hulls.hull_planes(self.points(requirement.inside))
+        if planes is None:
             raise UnknownError(f"{requirement.inside!r} has no volume")
+        share = hulls.share_inside(points, planes)
         return share, max(0.0, requirement.share - share)
 
     def collision(self, requirement: kinds.Collision) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""How far apart the surfaces of two solids are. Metres, float64."""
+"""Solids in the world, and how far apart their surfaces are. Metres, float64."""
 
 from __future__ import annotations
 
@@ -10,26 +10,37 @@ import fcl
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.solids.hulls import hull_planes
 from legoworld.solids.penetration import collision_model
 
+Points = NDArray[np.float64]
 Triangles = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solid:
-    """One thing in the world as its triangles, (T, 3, 3) metres, with what is made of them once."""
+    """One thing in the world, with what is made of it once.
 
-    triangles: Triangles
+    points: (N, 3) its vertices, metres; triangles: (T, 3) into them.
+    """
+
+    points: Points
+    triangles: NDArray[np.int64]
+
+    @cached_property
+    def corners(self) -> Triangles:
+        """(T, 3, 3) the corners of its triangles."""
+        return self.points[self.triangles]
 
     @cached_property
     def model(self) -> Any:
         """Its triangles as FCL has them."""
-        return collision_model(self.triangles)
+        return collision_model(self.corners)
 
     @cached_property
-    def points(self) -> NDArray[np.float64]:
-        """(N, 3) its corners, each once."""
-        return np.unique(self.triangles.reshape(-1, 3), axis=0)
+    def planes(self) -> Points | None:
+        """The planes of its convex hull, as `hull_planes` has them."""
+        return hull_planes(self.points)
 
 
 def surface_distance_m(first: Solid, second: Solid) -> float:

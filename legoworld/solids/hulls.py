@@ -15,18 +15,19 @@ Points = NDArray[np.float64]
 _ON_GROUND: Final = 1e-3
 
 
-def share_inside(points: Points, container: Points) -> float | None:
-    """Share of points in the convex hull of others, a tenth of a millimetre of slack included.
-
-    None where the container has no volume (scipy's Qhull tells).
-    """
+def hull_planes(container: Points) -> Points | None:
+    """(F, 4) the outward planes of a convex hull; None where it has no volume (Qhull tells)."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        hull = ConvexHull(container)
+        return np.asarray(ConvexHull(container).equations, np.float64)
     except (QhullError, ValueError):
         return None
-    outside = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+
+
+def share_inside(points: Points, planes: Points) -> float:
+    """Share of points inside of a hull, a tenth of a millimetre of slack included."""
+    outside = points @ planes[:, :3].T + planes[:, 3]
     return float((outside <= 1e-4).all(axis=1).mean())
 
 

@@ -18,6 +18,8 @@ _LINES: Final = 64
 _BAND_M: Final = 0.01
 _BAND_SHARE: Final = 0.05
 _HAIR: Final = 1e-6
+#: A triangle over so many lines is met by itself, on its part of their grid.
+_MANY_LINES: Final = 256
 #: Lines of triangles that are met at a time.
 _MOST_HITS: Final = 4_000_000
 
@@ -41,6 +43,12 @@ def rest_on(own: Triangles, below: Triangles) -> Rest | None:
     through its floor is sunk into it, however far. The least gap of all lines is the entity's.
     """
     lines = _lines(own)
+    if len(below):
+        nearest, farthest = below[:, :, :2].min((0, 1)), below[:, :, :2].max((0, 1))
+        lines = tuple(
+            line[(line >= low) & (line <= high)]
+            for line, low, high in zip(lines, nearest, farthest, strict=True)
+        )
     low, high = _heights(own, *lines, np.inf)
     _, under = _heights(below, *lines, high)
     met = np.isfinite(low) & np.isfinite(under)
@@ -49,8 +57,7 @@ def rest_on(own: Triangles, below: Triangles) -> Rest | None:
     gaps = np.where(met, low - np.where(met, under, 0.0), np.inf)
     least = float(gaps.min())
     height = float(np.ptp(own[:, :, 2]))
-    touching = np.argwhere(gaps <= least + min(_BAND_M, _BAND_SHARE * height))
-    contact = np.stack([lines[0][touching[:, 0]], lines[1][touching[:, 1]]], axis=1)
+    contact = _outermost(gaps <= least + min(_BAND_M, _BAND_SHARE * height), *lines)
     half = np.ptp(own[:, :, :2].reshape(-1, 2), axis=0) / (2 * _LINES)
     return Rest(gap_m=least, balanced=_above(centre_of_mass(own)[:2], contact, half))
 
@@ -90,6 +97,14 @@ def _lines(own: Triangles) -> tuple[Points, Points]:
     return axes[0], axes[1]
 
 
+def _outermost(touching: NDArray[np.bool_], x: Points, y: Points) -> Points:
+    """(C, 2) the first and last touching line of each x: the others are not on the hull."""
+    rows = np.flatnonzero(touching.any(axis=1))
+    first = touching[rows].argmax(axis=1)
+    last = len(y) - 1 - touching[rows, ::-1].argmax(axis=1)
+    return np.stack([np.tile(x[rows], 2), y[np.concatenate([first, last])]], axis=1)
+
+
 def _heights(
     triangles: Triangles, x: Points, y: Points, most: Points | float
 ) -> tuple[Points, Points]:
@@ -99,12 +114,19 @@ def _heights(
     """
     low = np.full((len(x), len(y)), np.inf)
     high = np.full((len(x), len(y)), -np.inf)
-    limit = np.broadcast_to(np.asarray(most), low.shape).ravel()
+    limit = np.broadcast_to(np.asarray(most), low.shape)
     corners, others = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
     x0, x1 = np.searchsorted(x, corners[:, 0]), np.searchsorted(x, others[:, 0], "right")
     y0, y1 = np.searchsorted(y, corners[:, 1]), np.searchsorted(y, others[:, 1], "right")
     counts = (x1 - x0) * (y1 - y0)
-    near = np.flatnonzero(counts)
+    large = counts >= _MANY_LINES
+    for n in np.flatnonzero(large).tolist():
+        i, j = slice(x0[n], x1[n]), slice(y0[n], y1[n])
+        z = _height_at(triangles[n], x[i, None], y[None, j])
+        kept = z <= limit[i, j]  # False for NaN
+        np.minimum(low[i, j], z, out=low[i, j], where=kept)
+        np.maximum(high[i, j], z, out=high[i, j], where=kept)
+    near = np.flatnonzero((counts > 0) & ~large)
     ends = np.cumsum(counts[near])
     for chunk in np.split(near, np.flatnonzero(np.diff(ends // _MOST_HITS)) + 1):
         owner = np.repeat(chunk, counts[chunk])
@@ -112,25 +134,27 @@ def _heights(
         nth = np.arange(len(owner)) - np.repeat(first, counts[chunk])
         wide = (y1 - y0)[owner]
         i, j = x0[owner] + nth // wide, y0[owner] + nth % wide
-        z = _height_at(triangles[owner], np.stack([x[i], y[j]], axis=1))
+        z = _height_at(triangles[owner], x[i], y[j])
         line = i * len(y) + j
-        kept = z <= limit[line]  # False for NaN
+        kept = z <= limit[i, j]  # False for NaN
         np.minimum.at(low.reshape(-1), line[kept], z[kept])
         np.maximum.at(high.reshape(-1), line[kept], z[kept])
     return low, high
 
 
-def _height_at(triangles: Triangles, xy: Points) -> Points:
-    """(N,) z of triangle n on the vertical line n; NaN where it is missed or seen from its edge."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    u, v, w = b[:, :2] - a[:, :2], c[:, :2] - a[:, :2], xy - a[:, :2]
-    det = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+def _height_at(triangles: Triangles, x: Points, y: Points) -> Points:
+    """z of triangles, (..., 3, 3), on vertical lines; NaN where missed or seen from the edge."""
+    a, b, c = (triangles[..., k, :] for k in range(3))
+    u0, u1 = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    v0, v1 = c[..., 0] - a[..., 0], c[..., 1] - a[..., 1]
+    w0, w1 = x - a[..., 0], y - a[..., 1]
+    det = u0 * v1 - u1 * v0
     flat = det == 0
     det = np.where(flat, 1.0, det)
-    s = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / det
-    t = (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / det
+    s = (w0 * v1 - w1 * v0) / det
+    t = (u0 * w1 - u1 * w0) / det
     hit = ~flat & (s >= 0) & (t >= 0) & (s + t <= 1)
-    z = a[:, 2] + s * (b[:, 2] - a[:, 2]) + t * (c[:, 2] - a[:, 2])
+    z = a[..., 2] + s * (b[..., 2] - a[..., 2]) + t * (c[..., 2] - a[..., 2])
     return np.where(hit, z, np.nan)
 
 

@@ -34,11 +34,12 @@ UNSEEN_REASONS: Final = {
 class View:
     """Buffers of one scene at one size, and what they were made with.
 
-    depth_scale: metres of a scene unit.
+    snapshot: the scene; depth_scale: metres of a scene unit.
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
     """
 
+    snapshot: Snapshot
     size_wh: tuple[int, int]
     projection: Projection
     surfaces: Surfaces
@@ -94,6 +95,7 @@ def view_through(
     )
     area, extents = instance_extents(buffers.instance, len(grouping.instances))
     return View(
+        snapshot=snapshot,
         size_wh=size_wh,
         projection=camera,
         surfaces=surfaces,

@@ -1,0 +1,266 @@
+"""The facts of one picture: what holds between its labelled objects, with signed margins.
+
+Directions are those of the camera; support, containment and distance are measured in the world by
+`legoworld.solids`, as the plugin measures them. Exact geometry is asked only of pairs whose boxes
+are near each other: the others have the distance of their boxes as a bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.records.relations import FactObject, FactPair, Facts
+from legoworld.scene.affine import transform_points
+from legoworld.scene.instances import Instance
+from legoworld.solids.distance import Solid, surface_distance_m
+from legoworld.solids.hulls import facing_angle_deg, share_inside
+from legoworld.solids.support import rest_on
+from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
+from legoworld.visibility.view import View
+
+Floats = NDArray[np.float64]
+
+#: Objects of a picture whose pairs are looked at: the largest visible ones.
+MOST_OBJECTS: Final = 100
+#: Surfaces that are farther apart than this do not rest on each other.
+TOUCH_M: Final = 0.01
+#: Up to how many near distances of a pair's boxes its surfaces are measured.
+_REACH: Final = 2.0
+_DIGITS: Final = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Things:
+    """Objects as arrays: (n, 3) extents in the camera's frame and in the world, metres."""
+
+    instances: Sequence[Instance]
+    solids: Sequence[Solid]
+    fronts: Sequence[Floats | None]
+    cam_low: Floats
+    cam_high: Floats
+    low: Floats
+    high: Floats
+
+    @property
+    def middle(self) -> Floats:
+        return (self.low + self.high) / 2
+
+
+def relation_facts(
+    view: View,
+    instances: Sequence[Instance],
+    *,
+    most: int = MOST_OBJECTS,
+    threads: int | None = None,
+) -> Facts:
+    """The facts of the labelled instances with a visible pixel, at most the `most` largest."""
+    shown = [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
+    largest = sorted(shown, key=lambda i: (-int(view.area_px[i.id]), i.id))[:most]
+    kept = sorted(largest, key=lambda i: i.id)
+    things = _things(view, kept)
+    layers = amodal_layers(
+        view.surfaces,
+        view.projection,
+        view.size_wh,
+        depth_scale=view.depth_scale,
+        threads=threads,
+    )
+    return Facts(
+        size_wh=view.size_wh,
+        objects=_objects(view, things, layers),
+        pairs=tuple(_pairs(view, things, layers)),
+        left_out=len(shown) - len(kept),
+    )
+
+
+def _things(view: View, instances: Sequence[Instance]) -> _Things:
+    shot, surfaces, scale = view.snapshot, view.surfaces, view.depth_scale
+    order = np.argsort(surfaces.placement_id, kind="stable")
+    sorted_ids = surfaces.placement_id[order]
+    ids = [i.id for i in instances]
+    starts, ends = (np.searchsorted(sorted_ids, ids, side=s).tolist() for s in ("left", "right"))
+    solids: list[Solid] = []
+    fronts: list[Floats | None] = []
+    boxes = np.zeros((4, len(instances), 3))
+    for n, (instance, start, end) in enumerate(zip(instances, starts, ends, strict=True)):
+        points, cam_points, triangles, count = [], [], [], 0
+        front = None
+        for surface in order[start:end].tolist():
+            mesh = int(shot.surface_mesh[surface])
+            vertices = shot.vertices[slice(*shot.vertex_start[mesh : mesh + 2].tolist())]
+            own = vertices.astype(np.float64)
+            world = shot.world_from_mesh[surface]
+            points.append(transform_points(world, own) * scale)
+            cam_points.append(transform_points(surfaces.cam_from_mesh[surface], own) * scale)
+            faces = shot.triangles[slice(*shot.triangle_start[mesh : mesh + 2].tolist())]
+            triangles.append(faces.astype(np.int64) + count)
+            count += len(own)
+            shown = shot.occurrence_object[shot.surface_occurrence[surface]]
+            if front is None and shot.objects[shown].name == instance.name:
+                front = -world[:, 1]
+        of_world, of_camera = np.concatenate(points), np.concatenate(cam_points)
+        solids.append(Solid(points=of_world, triangles=np.concatenate(triangles)))
+        fronts.append(front)
+        boxes[:, n] = (of_camera.min(0), of_camera.max(0), of_world.min(0), of_world.max(0))
+    cam_low, cam_high, low, high = boxes
+    return _Things(
+        instances=instances, solids=solids, fronts=fronts,
+        cam_low=cam_low, cam_high=cam_high, low=low, high=high,
+    )  # fmt: skip
+
+
+def _objects(view: View, things: _Things, layers: AmodalLayers) -> tuple[FactObject, ...]:
+    areas = amodal_areas(layers, len(view.area_px))
+    centre = (things.cam_low + things.cam_high) / 2
+    size = things.high - things.low
+    objects = []
+    for n, instance in enumerate(things.instances):
+        assert instance.category is not None
+        x0, y0, x1, y1 = (int(v) for v in view.bbox_xyxy_px[instance.id])
+        area = int(view.area_px[instance.id])
+        objects.append(
+            FactObject(
+                id=instance.id,
+                name=instance.name,
+                category=instance.category.name,
+                area_px=area,
+                bbox_xywh_px=(x0, y0, x1 - x0, y1 - y0),
+                visible=_rounded(area / areas[instance.id]),
+                centre_cam_m=_vector(centre[n]),
+                size_m=_vector(size[n]),
+            )
+        )
+    return tuple(objects)
+
+
+def _pairs(view: View, things: _Things, layers: AmodalLayers) -> list[FactPair]:
+    left, above, front = _directions(view, things)
+    middle, size = things.middle, things.high - things.low
+    centre = _norm(middle[:, None] - middle[None])
+    gap = np.maximum(things.low[:, None] - things.high[None], 0)  # of a beyond b
+    apart = _norm(np.maximum(gap, gap.transpose(1, 0, 2)))
+    diagonal = _norm(size)
+    near = (diagonal[:, None] + diagonal[None]) / 2
+    under = _under(things)
+    hidden = _hidden(view, things, layers)
+    ids = [i.id for i in things.instances]
+    first, second = (index.tolist() for index in np.triu_indices(len(ids), 1))
+    pairs = []
+    for a, b in zip(first, second, strict=True):
+        one, two = things.solids[a], things.solids[b]
+        close = apart[a, b] <= _REACH * near[a, b]
+        surface = surface_distance_m(one, two) if close else None
+        touching = surface is not None and surface <= TOUCH_M
+        meets = apart[a, b] == 0
+        pairs.append(
+            FactPair(
+                a=ids[a],
+                b=ids[b],
+                left_m=_rounded(left[a, b]),
+                above_m=_rounded(above[a, b]),
+                front_m=_rounded(front[a, b]),
+                centre_m=_rounded(centre[a, b]),
+                apart_m=_rounded(apart[a, b]),
+                near_m=_rounded(near[a, b]),
+                surface_m=None if surface is None else _rounded(surface),
+                gap_m=(_rest(things, a, b), _rest(things, b, a)) if touching else (None, None),
+                inside=(_inside(one, two), _inside(two, one)) if meets else (0.0, 0.0),
+                under_m=(_rounded(under[a, b]), _rounded(under[b, a])),
+                angle_deg=(_angle(things, a, b), _angle(things, b, a)),
+                hidden=(_rounded(hidden[a, b]), _rounded(hidden[b, a])),
+            )
+        )
+    return pairs
+
+
+def _directions(view: View, things: _Things) -> tuple[Floats, Floats, Floats]:
+    """(n, n) margins of left of, above, in front of.
+
+    Across the picture, extents are seen from the object's own middle depth, and the gap is taken in
+    metres at the pair's mean depth; it is 0 where the boxes of visible pixels do not agree.
+    """
+    low, high = things.cam_low, things.cam_high
+    depth = (low[:, 2] + high[:, 2]) / 2
+    seen = np.where(depth > 0, depth, np.nan)[:, None]
+    mean = (seen + seen.T) / 2
+    if view.projection.orthographic:
+        seen, mean = np.ones_like(seen), np.ones_like(mean)
+    boxes = view.bbox_xyxy_px[[i.id for i in things.instances]].reshape(-1, 4).astype(np.float64)
+    across = []
+    for axis in (0, 1):
+        gap = _gap(low[:, axis] / seen[:, 0], high[:, axis] / seen[:, 0]) * mean
+        agrees = gap * _gap(boxes[:, axis], boxes[:, axis + 2]) > 0
+        across.append(np.where(agrees, gap, 0.0))
+    return across[0], across[1], _gap(low[:, 2], high[:, 2])
+
+
+def _gap(low: Floats, high: Floats) -> Floats:
+    """(n, n) how far interval a ends before b begins; negative if b is first, 0 if they overlap."""
+    before = low[None] - high[:, None]
+    return np.maximum(before, 0) - np.maximum(before.T, 0)
+
+
+def _under(things: _Things) -> Floats:
+    """(n, n) how far a is straight below b: the least of the gap and the overlap of their ground.
+
+    Things in contact are a centimetre apart, so that what carries another is under it.
+    """
+    low, high = things.low, things.high
+    shared = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
+    gap = low[None, :, 2] - high[:, None, 2] + TOUCH_M
+    return np.asarray(np.minimum(gap, shared[..., :2].min(axis=2)))
+
+
+def _hidden(view: View, things: _Things, layers: AmodalLayers) -> Floats:
+    """(n, n) the share of a's silhouette at which the picture shows b."""
+    n = len(things.instances)
+    index = np.full(len(view.area_px) + 1, -1)  # the last entry is for holdouts
+    index[[i.id for i in things.instances]] = np.arange(n)
+    areas = amodal_areas(layers, len(view.area_px))
+    pairs = occluders(layers)
+    hiding = np.where(pairs.hiding < 0, len(view.area_px), pairs.hiding)
+    known = (index[pairs.hidden] >= 0) & (index[hiding] >= 0)
+    hidden = np.zeros((n, n))
+    shares = pairs.count[known] / areas[pairs.hidden[known]]
+    hidden[index[pairs.hidden[known]], index[hiding[known]]] = shares
+    return hidden
+
+
+def _rest(things: _Things, a: int, b: int) -> float | None:
+    """The gap of a above b where a rests there in balance, or may; None elsewhere."""
+    if things.high[a, 2] <= things.low[b, 2] + TOUCH_M:
+        return None
+    rest = rest_on(things.solids[a].corners, things.solids[b].corners)
+    if rest is None or not rest.balanced:
+        return None
+    return _rounded(rest.gap_m)
+
+
+def _inside(inner: Solid, outer: Solid) -> float | None:
+    return None if outer.planes is None else _rounded(share_inside(inner.points, outer.planes))
+
+
+def _angle(things: _Things, a: int, b: int) -> float | None:
+    front = things.fronts[a]
+    if front is None:
+        return None
+    angle = facing_angle_deg(front, things.middle[b] - things.middle[a])
+    return None if angle is None else _rounded(angle)
+
+
+def _norm(vectors: Floats) -> Floats:
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), _DIGITS) + 0.0  # no -0.0
+
+
+def _vector(values: Floats) -> tuple[float, float, float]:
+    x, y, z = (_rounded(v) for v in values)
+    return x, y, z

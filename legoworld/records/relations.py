@@ -1,0 +1,240 @@
+"""Relations: the facts of a scene, questions about a picture, their answers, and how they score."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Annotated, Literal
+
+from msgspec import Meta, field
+
+from legoworld.records.base import UNSET, Record, UnsetType, decode_lines
+from legoworld.records.evaluation_rows import EvaluationRow
+from legoworld.records.evaluation_summary import Interval, MetricValue, Summary
+from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
+from legoworld.records.families import RecordFamily
+
+Vector = tuple[float, float, float]
+Box = tuple[int | float, int | float, int | float, int | float]
+#: One number for each direction of a pair: of a towards b, and of b towards a; None is unknown.
+Both = tuple[float | None, float | None]
+
+
+class FactObject(Record, frozen=True, kw_only=True):
+    """One labelled and visible instance.
+
+    visible: the share of its silhouette inside the picture that is seen; centre_cam_m: the middle
+    of its extent in the camera's frame; size_m: of its box in the world, x, y and z (its height).
+    """
+
+    id: int
+    name: str
+    category: str
+    area_px: int
+    bbox_xywh_px: tuple[int, int, int, int]
+    visible: float | None
+    centre_cam_m: Vector
+    size_m: Vector
+
+
+class FactPair(Record, frozen=True, kw_only=True):
+    """Two objects, a before b. Signed numbers are margins: above 0 the relation holds of (a, b).
+
+    left_m, above_m, front_m: the gap between their extents; below 0 it holds of (b, a); 0 where
+    they overlap or the picture says otherwise. centre_m, surface_m: distances; surface_m is None
+    where it is at least `apart_m`, the distance of their boxes. near_m: the distance at which they
+    begin to be near. gap_m: of a above b, and of b above a, where they rest on each other in
+    balance; inside: the share of one in the other's convex hull; under_m: how far below; angle_deg:
+    between one's front and the way to the other; hidden: the share of one that the other hides.
+    """
+
+    a: int
+    b: int
+    left_m: float
+    above_m: float
+    front_m: float
+    centre_m: float
+    apart_m: float
+    near_m: float
+    surface_m: float | None
+    gap_m: Both
+    inside: Both
+    under_m: Both
+    angle_deg: Both
+    hidden: Both
+
+
+class Facts(Record, frozen=True, kw_only=True):
+    """What holds between the objects of one picture. left_out: objects beyond the bound.
+
+    pairs: of all objects, in ascending (a, b).
+    """
+
+    size_wh: tuple[int, int]
+    objects: tuple[FactObject, ...]
+    pairs: tuple[FactPair, ...]
+    left_out: int = 0
+
+
+class Designator(Record, frozen=True, kw_only=True):
+    """A thing as a question names it. which: among several of its category."""
+
+    category: str
+    which: Literal["", "leftmost", "rightmost", "closest", "farthest"] = ""
+
+
+Kind = Literal["yes_no", "choice", "count", "number", "refer"]
+Answered = bool | int | float | str | Box
+
+
+class Question(Record, frozen=True, kw_only=True):
+    """One question about a picture, without its answer.
+
+    kind: of the answer: true or false, one of the options, a whole number, metres, or a box x, y,
+    width, height in pixels. relation: what is asked; a, b: the things it names; options: what a
+    choice is among. any: whether it holds of any two things of these categories.
+    """
+
+    id: str
+    image_id: int
+    kind: Kind
+    relation: str
+    text: str
+    a: Designator
+    b: Designator | None = None
+    options: tuple[Designator, ...] = ()
+    any: bool = False
+
+
+class TrueAnswer(Record, frozen=True, kw_only=True):
+    """A question with its answer. answer: None where labels contradict each other.
+
+    chance: the score of a guess, where the question's form decides it; boxes: of the two things.
+    """
+
+    question: Question
+    answer: Answered | None
+    chance: float | None = None
+    boxes: tuple[Box, ...] = ()
+
+
+class Statement(Record, frozen=True, kw_only=True):
+    """A line of VSR's files, as far as it is read. label: 1 where the caption is true."""
+
+    image: str
+    caption: str
+    label: Annotated[int, Meta(ge=0, le=1)]
+    relation: str
+    reference_frame: str | None = None
+
+
+class AnswerLine(Record, frozen=True, kw_only=True):
+    """A line of answers.jsonl."""
+
+    id: str
+    answer: bool | int | float | str | list[int | float] | None
+
+
+class AnswerFile(Record, frozen=True, kw_only=True):
+    """An image's answer: the facts of a scene, or what was answered, by question."""
+
+    facts: Facts | UnsetType = UNSET
+    answers: dict[str, bool | int | float | str | list[int | float] | None] | UnsetType = UNSET
+
+
+class Sums(Record, frozen=True, kw_only=True):
+    """Sums over an image's questions. score: of the answers; chance, blind: of those guesses."""
+
+    n: int
+    score: float
+    chance: float
+    blind: float
+
+
+class ShownQuestion(Record, frozen=True, kw_only=True):
+    """A question as a page shows it. boxes: of the things it names, where they are known."""
+
+    id: str
+    text: str
+    truth: str
+    answer: str
+    score: float | None
+    boxes: tuple[Box, ...]
+
+
+class RelationsView(Record, frozen=True, kw_only=True):
+    """view/ID.json: every question of an image."""
+
+    size_wh: tuple[int, int] | None
+    questions: tuple[ShownQuestion, ...]
+
+
+class RelationsRow(EvaluationRow, frozen=True, kw_only=True):
+    """One image. sums: by metric and, of true or false, by relation; why: unanswered, by reason.
+
+    n_true: questions with a true answer; n_answered: of these, those with a readable answer.
+    """
+
+    n_true: int
+    n_answered: int
+    contradictory: int
+    why: dict[str, int]
+    sums: dict[str, Sums]
+    by_relation: dict[str, Sums]
+    reason: str | None = None
+
+    @property
+    def has_score(self) -> bool:
+        """Whether any question of it has an answer."""
+        return self.status == "ok" and self.n_true > 0
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether any question of it has a true answer."""
+        return self.n_true > 0
+
+
+class Metric(Record, frozen=True, kw_only=True):
+    """One metric by what answers: the run, a guess, and a prior that sees no picture."""
+
+    n: int
+    answers: float | None
+    chance: float | None
+    blind: float | None
+    interval: Interval | None
+
+
+class RelationMetric(Metric, frozen=True, kw_only=True):
+    """The accuracy of one relation."""
+
+    relation: str
+
+
+class RelationsSummary(Summary, frozen=True, kw_only=True):
+    """Of relations. unanswered: questions by the reason; contradictory: left out of every number."""
+
+    metrics: dict[str, Metric]
+    relations: tuple[RelationMetric, ...]
+    unanswered: dict[str, int]
+    contradictory: int
+
+    def metric_values(self) -> Iterator[MetricValue]:
+        """Every metric of the answers, then of a guess and of the prior."""
+        for name, metric in self.metrics.items():
+            yield MetricValue(name, "answers", metric.answers, metric.interval)
+            yield MetricValue(name, "chance", metric.chance, None)
+            yield MetricValue(name, "blind", metric.blind, None)
+
+
+class RelationsEvidence(EvaluationEvidence, frozen=True, kw_only=True):
+    """Of relations."""
+
+    configuration: ScoreConfiguration
+    metrics: dict[str, Metric] = field(default_factory=dict)
+
+
+RECORDS = RecordFamily(
+    summary=RelationsSummary,
+    rows=partial(decode_lines, RelationsRow),
+    evidence=RelationsEvidence,
+)
