@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,14 @@ from legoworld.running.source_comparison import SourceComparison, compare_source
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import Source, find_scene
 from legoworld.scene.snapshot import RenderSettings, SceneCamera
+from legoworld.tables.table import Table
 from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.track import Track
 from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.projection import Projection
+
+if TYPE_CHECKING:
+    from legoworld.readouts.relation_kinds import FactBase
 
 Photo = str | Path | NDArray[np.uint8]
 
@@ -144,6 +148,10 @@ class Scene:
             views=views,
         )
         return SceneView(inspection, protocol)
+
+    def facts(self) -> FactBase:
+        """The relations of the scene's own view, every label as written; see `relations`."""
+        return self.view().relations()
 
     def __repr__(self) -> str:
         width, height = self.size_wh
@@ -302,19 +310,38 @@ class SceneView:
                 found=f"task {protocol.task.name}" if protocol else "a view without a task",
                 expected=f"view(task=...) of {', '.join(labelled)}",
             )
-        inspection = self._inspection
-        image = AnsweredImage(
-            image_id=image_id,
-            name=str(image_id),
-            run=Path(),
-            instances=inspection.grouping.instances,
-            view=inspection.view,
-        )
-        exports = exporter(protocol.card.reads, image)
+        exports = exporter(protocol.card.reads, self._answered(image_id))
         entries: list[dict[str, Any]] = json.loads(
             canonical([prediction for prediction, _ in exports])
         )
         return entries
+
+    def _answered(self, image_id: int = 1) -> AnsweredImage:
+        return AnsweredImage(
+            image_id=image_id,
+            name=str(image_id),
+            run=Path(),
+            instances=self._inspection.grouping.instances,
+            view=self._inspection.view,
+        )
+
+    @property
+    def task_table(self) -> Table | None:
+        """What the task says of this view in a table; None for a task that says nothing so."""
+        table = self._protocol.readout.table if self._protocol else None
+        return table(self._answered()) if table else None
+
+    def relations(self) -> FactBase:
+        """What holds between the labelled and visible instances, each with a signed margin.
+
+        At most the 100 largest; `facts.left_out` counts the others. `rows()` lists every relation
+        of every pair: `pandas.DataFrame(view.relations().rows())`.
+        """
+        from legoworld.readouts.relation_facts import relation_facts
+        from legoworld.readouts.relation_kinds import FactBase
+
+        inspection = self._inspection
+        return FactBase(relation_facts(inspection.view, inspection.grouping.instances))
 
     @check_arguments
     def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
@@ -361,7 +388,12 @@ class SceneView:
             "nearest": self.nearest,
             "not_rendered": [list(owner) for owner in self.not_rendered],
             "snapshot_sha256": self._inspection.scene.snapshot_sha256,
+            **self._task_rows(),
         }
+
+    def _task_rows(self) -> dict[str, Any]:
+        table = self.task_table
+        return {} if table is None else {"table": [list(map(str, row)) for row in table.rows]}
 
     @check_arguments
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,8 +119,8 @@ class InTheWorld:
     def facing(self, requirement: kinds.Facing) -> tuple[float, float]:
         """Angle on the ground between its front and the way to the other, degrees."""
         way = self.middle(requirement.towards) - self.middle(requirement.entity)
-        angle = hulls.facing_angle_deg(self._front(requirement.entity), way)
-        if angle is None:
+        (angle,) = hulls.facing_angles_deg(self._front(requirement.entity), way[None]).tolist()
+        if math.isnan(angle):
             raise UnknownError("one has no direction on the ground")
         return angle, angle
 

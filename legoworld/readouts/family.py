@@ -12,6 +12,7 @@ from legoworld.records.folders.read_run import ROWS, RunDamagedError
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
+from legoworld.tables.table import Table
 from legoworld.tracks.track import Track
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ class ReadoutFamily:
     there are none. sum_up: a run's summary with what is its own, of the rows that have a result.
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
-    family's options. sum_up raises RunDamagedError for rows that no run writes.
+    family's options. table: what `inspect` shows of an image besides its instances. sum_up raises
+    RunDamagedError for rows that no run writes.
     """
 
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
@@ -54,6 +56,7 @@ class ReadoutFamily:
     write: Callable[[RunRow, AnsweredImage], RunRow] | None = None
     file_bytes: Callable[[tuple[int, int]], int] | None = None
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
+    table: Callable[[AnsweredImage], Table] | None = None
     needs_instances: bool = True
 
 

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.records.relations import FactObject, FactPair, Facts
+from legoworld.records.relations import FactObject, FactPairs, Facts
 from legoworld.scene.affine import transform_points
 from legoworld.scene.instances import Instance
 from legoworld.solids.distance import Solid, surface_distance_m
-from legoworld.solids.hulls import facing_angle_deg, share_inside
+from legoworld.solids.hulls import facing_angles_deg, share_inside
 from legoworld.solids.support import rest_on
 from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.view import View
@@ -73,7 +73,7 @@ def relation_facts(
     return Facts(
         size_wh=view.size_wh,
         objects=_objects(view, things, layers),
-        pairs=tuple(_pairs(view, things, layers)),
+        pairs=_pairs(view, things, layers),
         left_out=len(shown) - len(kept),
     )
 
@@ -138,44 +138,60 @@ def _objects(view: View, things: _Things, layers: AmodalLayers) -> tuple[FactObj
     return tuple(objects)
 
 
-def _pairs(view: View, things: _Things, layers: AmodalLayers) -> list[FactPair]:
+def _pairs(view: View, things: _Things, layers: AmodalLayers) -> FactPairs:
+    ids = np.array([i.id for i in things.instances], np.int64)
+    a, b = np.triu_indices(len(ids), 1)
     left, above, front = _directions(view, things)
-    middle, size = things.middle, things.high - things.low
-    centre = _norm(middle[:, None] - middle[None])
-    gap = np.maximum(things.low[:, None] - things.high[None], 0)  # of a beyond b
+    middle = things.middle
+    gap = np.maximum(things.low[:, None] - things.high[None], 0)
     apart = _norm(np.maximum(gap, gap.transpose(1, 0, 2)))
-    diagonal = _norm(size)
+    diagonal = _norm(things.high - things.low)
     near = (diagonal[:, None] + diagonal[None]) / 2
-    under = _under(things)
-    hidden = _hidden(view, things, layers)
-    ids = [i.id for i in things.instances]
-    first, second = (index.tolist() for index in np.triu_indices(len(ids), 1))
-    pairs = []
-    for a, b in zip(first, second, strict=True):
+    under, hidden = _under(things), _hidden(view, things, layers)
+    angle = _angles(things)
+    surface, rest, inside = _contacts(things, apart, near)
+
+    def known(values: Floats) -> tuple[float, ...]:
+        return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
+
+    def holed(values: Floats) -> tuple[float | None, ...]:
+        return tuple(None if v != v else v for v in known(values))
+
+    return FactPairs(
+        a=tuple(ids[a].tolist()),
+        b=tuple(ids[b].tolist()),
+        left_m=known(left[a, b]),
+        above_m=known(above[a, b]),
+        front_m=known(front[a, b]),
+        centre_m=known(_norm(middle[a] - middle[b])),
+        apart_m=known(apart[a, b]),
+        near_m=known(near[a, b]),
+        surface_m=holed(surface[a, b]),
+        gap_ab_m=holed(rest[a, b]),
+        gap_ba_m=holed(rest[b, a]),
+        inside_ab=holed(inside[a, b]),
+        inside_ba=holed(inside[b, a]),
+        under_ab_m=known(under[a, b]),
+        under_ba_m=known(under[b, a]),
+        angle_ab_deg=holed(angle[a, b]),
+        angle_ba_deg=holed(angle[b, a]),
+        hidden_ab=known(hidden[a, b]),
+        hidden_ba=known(hidden[b, a]),
+    )
+
+
+def _contacts(things: _Things, apart: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
+    """(n, n) surface distances, gaps of a at rest on b, shares of a in b; NaN where unknown."""
+    n = len(things.solids)
+    surface, rest, inside = np.full((n, n), np.nan), np.full((n, n), np.nan), np.zeros((n, n))
+    for a, b in np.argwhere(np.triu(apart <= _REACH * near, 1)).tolist():
         one, two = things.solids[a], things.solids[b]
-        close = apart[a, b] <= _REACH * near[a, b]
-        surface = surface_distance_m(one, two) if close else None
-        touching = surface is not None and surface <= TOUCH_M
-        meets = apart[a, b] == 0
-        pairs.append(
-            FactPair(
-                a=ids[a],
-                b=ids[b],
-                left_m=_rounded(left[a, b]),
-                above_m=_rounded(above[a, b]),
-                front_m=_rounded(front[a, b]),
-                centre_m=_rounded(centre[a, b]),
-                apart_m=_rounded(apart[a, b]),
-                near_m=_rounded(near[a, b]),
-                surface_m=None if surface is None else _rounded(surface),
-                gap_m=(_rest(things, a, b), _rest(things, b, a)) if touching else (None, None),
-                inside=(_inside(one, two), _inside(two, one)) if meets else (0.0, 0.0),
-                under_m=(_rounded(under[a, b]), _rounded(under[b, a])),
-                angle_deg=(_angle(things, a, b), _angle(things, b, a)),
-                hidden=(_rounded(hidden[a, b]), _rounded(hidden[b, a])),
-            )
-        )
-    return pairs
+        surface[a, b] = surface_distance_m(one, two)
+        if surface[a, b] <= TOUCH_M:
+            rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
+        if apart[a, b] == 0:
+            inside[a, b], inside[b, a] = _inside(one, two), _inside(two, one)
+    return surface, rest, inside
 
 
 def _directions(view: View, things: _Things) -> tuple[Floats, Floats, Floats]:
@@ -231,26 +247,26 @@ def _hidden(view: View, things: _Things, layers: AmodalLayers) -> Floats:
     return hidden
 
 
-def _rest(things: _Things, a: int, b: int) -> float | None:
-    """The gap of a above b where a rests there in balance, or may; None elsewhere."""
+def _rest(things: _Things, a: int, b: int) -> float:
+    """The gap of a above b where a rests there in balance; NaN elsewhere."""
     if things.high[a, 2] <= things.low[b, 2] + TOUCH_M:
-        return None
+        return np.nan
     rest = rest_on(things.solids[a].corners, things.solids[b].corners)
-    if rest is None or not rest.balanced:
-        return None
-    return _rounded(rest.gap_m)
+    return rest.gap_m if rest is not None and rest.balanced else np.nan
 
 
-def _inside(inner: Solid, outer: Solid) -> float | None:
-    return None if outer.planes is None else _rounded(share_inside(inner.points, outer.planes))
+def _inside(inner: Solid, outer: Solid) -> float:
+    return np.nan if outer.planes is None else share_inside(inner.points, outer.planes)
 
 
-def _angle(things: _Things, a: int, b: int) -> float | None:
-    front = things.fronts[a]
-    if front is None:
-        return None
-    angle = facing_angle_deg(front, things.middle[b] - things.middle[a])
-    return None if angle is None else _rounded(angle)
+def _angles(things: _Things) -> Floats:
+    """(n, n) angles between a's front and the way to b; NaN where it has none."""
+    middle = things.middle
+    angles = np.full((len(middle), len(middle)), np.nan)
+    for a, front in enumerate(things.fronts):
+        if front is not None:
+            angles[a] = facing_angles_deg(front, middle - middle[a])
+    return angles
 
 
 def _norm(vectors: Floats) -> Floats:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from legoworld.readouts.relation_facts import TOUCH_M
-from legoworld.records.relations import Designator, FactObject, FactPair, Facts
+from legoworld.records.relations import Designator, FactObject, FactPairs, Facts
 
 #: The share of a thing in another's convex hull from which it is inside of it.
 INSIDE: Final = 0.95
@@ -17,67 +17,81 @@ HIDES: Final = 0.02
 FACING_DEG: Final = 45.0
 
 
+#: A margin of the pair in row k; turned: 1 where it is asked of (b, a), else 0.
+Margin = Callable[[FactPairs, int, int], float | None]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Relation:
-    """A relation of (a, b). margin: of a pair, and whether (a, b) is turned around there.
+    """A relation of (a, b), which holds where its margin is above 0; None is unknown.
 
-    It holds where the margin is above 0; None is unknown. yes, no: how far the margin must be on
-    either side of 0 before it is asked, in `unit`. phrase: as in "is the cup ... the plate".
+    yes, no: how far the margin must be on either side of 0 before it is asked, in `unit`. phrase:
+    as in "is the cup ... the plate".
     """
 
-    margin: Callable[[FactPair, int], float | None]
+    margin: Margin
     unit: str
     yes: float
     no: float
     phrase: str
 
 
-def _signed(name: str, sign: int) -> Callable[[FactPair, int], float]:
-    return lambda pair, turned: sign * (1 - 2 * turned) * getattr(pair, name) + 0.0
+def _across(column: str, sign: int, phrase: str) -> Relation:
+    def margin(pairs: FactPairs, k: int, turned: int) -> float:
+        value: float = getattr(pairs, column)[k]
+        return sign * (1 - 2 * turned) * value + 0.0
+
+    return Relation(margin=margin, unit="m", yes=0.05, no=0.05, phrase=phrase)
 
 
-def _distance(pair: FactPair) -> float:
+def _distance(pairs: FactPairs, k: int) -> float:
     """Of the surfaces; where only their boxes are known, at least as far."""
-    return pair.apart_m if pair.surface_m is None else pair.surface_m
+    surface = pairs.surface_m[k]
+    return pairs.apart_m[k] if surface is None else surface
 
 
-def _on(pair: FactPair, turned: int) -> float:
-    gap = pair.gap_m[turned]
-    if gap is not None:
-        return TOUCH_M - abs(gap)
-    return min(0.0, TOUCH_M - _distance(pair))
+def _on(pairs: FactPairs, k: int, turned: int) -> float:
+    gap = (pairs.gap_ab_m, pairs.gap_ba_m)[turned][k]
+    return min(0.0, TOUCH_M - _distance(pairs, k)) if gap is None else TOUCH_M - abs(gap)
 
 
-def _near(pair: FactPair, _turned: int) -> float:
-    return 1 - _distance(pair) / pair.near_m if pair.near_m else 0.0
+def _near(pairs: FactPairs, k: int, _turned: int) -> float:
+    return 1 - _distance(pairs, k) / pairs.near_m[k] if pairs.near_m[k] else 0.0
 
 
-def _beyond(values: tuple[float | None, ...], at: int, least: float) -> float | None:
-    value = values[at]
-    return None if value is None else value - least
+def _inside(pairs: FactPairs, k: int, turned: int) -> float | None:
+    share = (pairs.inside_ab, pairs.inside_ba)[turned][k]
+    return None if share is None else share - INSIDE
 
 
-def _turned(
-    margin: Callable[[FactPair, int], float | None],
-) -> Callable[[FactPair, int], float | None]:
-    return lambda pair, turned: margin(pair, 1 - turned)
-
-
-def _inside(pair: FactPair, turned: int) -> float | None:
-    return _beyond(pair.inside, turned, INSIDE)
-
-
-def _facing(pair: FactPair, turned: int) -> float | None:
-    angle = pair.angle_deg[turned]
+def _facing(pairs: FactPairs, k: int, turned: int) -> float | None:
+    angle = (pairs.angle_ab_deg, pairs.angle_ba_deg)[turned][k]
     return None if angle is None else FACING_DEG - angle
 
 
-def _hides(pair: FactPair, turned: int) -> float | None:
-    return _beyond(pair.hidden, 1 - turned, HIDES)
+def _facing_away(pairs: FactPairs, k: int, turned: int) -> float | None:
+    margin = _facing(pairs, k, turned)
+    return None if margin is None else 2 * FACING_DEG - 180 - margin
 
 
-def _across(name: str, sign: int, phrase: str) -> Relation:
-    return Relation(margin=_signed(name, sign), unit="m", yes=0.05, no=0.05, phrase=phrase)
+def _hides(pairs: FactPairs, k: int, turned: int) -> float:
+    return (pairs.hidden_ba, pairs.hidden_ab)[turned][k] - HIDES
+
+
+def _under(pairs: FactPairs, k: int, turned: int) -> float:
+    return (pairs.under_ab_m, pairs.under_ba_m)[turned][k]
+
+
+def _touching(pairs: FactPairs, k: int, _turned: int) -> float:
+    return TOUCH_M - _distance(pairs, k)
+
+
+def _of_turned(margin: Margin) -> Margin:
+    return lambda pairs, k, turned: margin(pairs, k, 1 - turned)
+
+
+def _relation(margin: Margin, unit: str, yes: float, no: float, phrase: str) -> Relation:
+    return Relation(margin=margin, unit=unit, yes=yes, no=no, phrase=phrase)
 
 
 RELATIONS: Final[Mapping[str, Relation]] = {
@@ -87,39 +101,22 @@ RELATIONS: Final[Mapping[str, Relation]] = {
     "below": _across("above_m", -1, "lower down in the picture than"),
     "in_front_of": _across("front_m", 1, "in front of"),
     "behind": _across("front_m", -1, "behind"),
-    "on": Relation(margin=_on, unit="m", yes=0.005, no=0.04, phrase="resting on"),
-    "supports": Relation(margin=_turned(_on), unit="m", yes=0.005, no=0.04, phrase="supporting"),
-    "inside": Relation(margin=_inside, unit="share", yes=0.04, no=0.45, phrase="inside"),
-    "contains": Relation(
-        margin=_turned(_inside), unit="share", yes=0.04, no=0.45, phrase="around"
+    "on": _relation(_on, "m", 0.005, 0.04, "resting on"),
+    "supports": _relation(_of_turned(_on), "m", 0.005, 0.04, "supporting"),
+    "inside": _relation(_inside, "share", 0.04, 0.45, "inside"),
+    "contains": _relation(_of_turned(_inside), "share", 0.04, 0.45, "around"),
+    "under": _relation(_under, "m", 0.06, 0.06, "straight below"),
+    "over": _relation(_of_turned(_under), "m", 0.06, 0.06, "straight above"),
+    "touching": _relation(_touching, "m", 0.005, 0.04, "touching"),
+    "near": _relation(_near, "of near_m", 0.5, 1.0, "close to"),
+    "far_from": _relation(
+        lambda pairs, k, turned: -_near(pairs, k, turned), "of near_m", 1.0, 0.5, "far from"
     ),
-    "under": Relation(
-        margin=lambda pair, turned: pair.under_m[turned],
-        unit="m", yes=0.06, no=0.06, phrase="straight below",
-    ),
-    "over": Relation(
-        margin=lambda pair, turned: pair.under_m[1 - turned],
-        unit="m", yes=0.06, no=0.06, phrase="straight above",
-    ),
-    "touching": Relation(
-        margin=lambda pair, _turned: TOUCH_M - _distance(pair),
-        unit="m", yes=0.005, no=0.04, phrase="touching",
-    ),
-    "near": Relation(margin=_near, unit="of near_m", yes=0.5, no=1.0, phrase="close to"),
-    "far_from": Relation(
-        margin=lambda pair, _turned: -_near(pair, 0),
-        unit="of near_m", yes=1.0, no=0.5, phrase="far from",
-    ),
-    "facing": Relation(margin=_facing, unit="degrees", yes=15.0, no=45.0, phrase="facing"),
-    "facing_away": Relation(
-        margin=lambda pair, turned: _beyond(pair.angle_deg, turned, 180 - FACING_DEG),
-        unit="degrees", yes=15.0, no=45.0, phrase="facing away from",
-    ),
-    "hides": Relation(margin=_hides, unit="share", yes=0.08, no=0.02, phrase="partly hiding"),
-    "hidden_by": Relation(
-        margin=_turned(_hides), unit="share", yes=0.08, no=0.02, phrase="partly hidden by"
-    ),
-}  # fmt: skip
+    "facing": _relation(_facing, "degrees", 15.0, 45.0, "facing"),
+    "facing_away": _relation(_facing_away, "degrees", 15.0, 45.0, "facing away from"),
+    "hides": _relation(_hides, "share", 0.08, 0.02, "partly hiding"),
+    "hidden_by": _relation(_of_turned(_hides), "share", 0.08, 0.02, "partly hidden by"),
+}
 
 #: Superlatives that name one of several: the relation it has to all others of its category.
 WHICH: Final = {
@@ -142,16 +139,17 @@ class FactBase:
         return {thing.id: thing for thing in self.facts.objects}
 
     @cached_property
-    def _pairs(self) -> dict[tuple[int, int], FactPair]:
-        return {(pair.a, pair.b): pair for pair in self.facts.pairs}
+    def _row(self) -> dict[tuple[int, int], int]:
+        pairs = self.facts.pairs
+        return {pair: k for k, pair in enumerate(zip(pairs.a, pairs.b, strict=True))}
 
-    def pair(self, a: int, b: int) -> FactPair:
-        """The facts of two objects. KeyError for one that is not there, or for one with itself."""
-        return self._pairs[min(a, b), max(a, b)]
+    def pair(self, a: int, b: int) -> int:
+        """The row of two objects. KeyError for one that is not there, or for one with itself."""
+        return self._row[min(a, b), max(a, b)]
 
     def margin(self, relation: str, a: int, b: int) -> float | None:
         """How far (a, b) is from where the relation begins to hold, in its unit; None: unknown."""
-        return RELATIONS[relation].margin(self.pair(a, b), int(a > b))
+        return RELATIONS[relation].margin(self.facts.pairs, self.pair(a, b), int(a > b))
 
     def asked(self, relation: str, a: int, b: int) -> bool | None:
         """Whether the relation holds, where the margin is beyond the slack; None elsewhere."""
@@ -186,7 +184,7 @@ class FactBase:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Every relation of every ordered pair, as plain values."""
-        for (a, b), turned in ((key, turned) for key in self._pairs for turned in (False, True)):
+        for (a, b), turned in ((pair, turned) for pair in self._row for turned in (False, True)):
             first, second = (b, a) if turned else (a, b)
             for name, relation in RELATIONS.items():
                 margin = self.margin(name, first, second)

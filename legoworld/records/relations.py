@@ -16,8 +16,9 @@ from legoworld.records.families import RecordFamily
 
 Vector = tuple[float, float, float]
 Box = tuple[int | float, int | float, int | float, int | float]
-#: One number for each direction of a pair: of a towards b, and of b towards a; None is unknown.
-Both = tuple[float | None, float | None]
+Column = tuple[float, ...]
+#: A number for each pair, None where it is unknown.
+Holed = tuple[float | None, ...]
 
 
 class FactObject(Record, frozen=True, kw_only=True):
@@ -37,42 +38,45 @@ class FactObject(Record, frozen=True, kw_only=True):
     size_m: Vector
 
 
-class FactPair(Record, frozen=True, kw_only=True):
-    """Two objects, a before b. Signed numbers are margins: above 0 the relation holds of (a, b).
+class FactPairs(Record, frozen=True, kw_only=True):
+    """Columns over pairs of objects, by their ids: a before b, in ascending order.
 
-    left_m, above_m, front_m: the gap between their extents; below 0 it holds of (b, a); 0 where
-    they overlap or the picture says otherwise. centre_m, surface_m: distances; surface_m is None
-    where it is at least `apart_m`, the distance of their boxes. near_m: the distance at which they
-    begin to be near. gap_m: of a above b, and of b above a, where they rest on each other in
-    balance; inside: the share of one in the other's convex hull; under_m: how far below; angle_deg:
-    between one's front and the way to the other; hidden: the share of one that the other hides.
+    left_m, above_m, front_m: the gap between their extents: above 0 where a is left of, above, in
+    front of b, below 0 where b is, 0 where they overlap or the picture says otherwise. centre_m:
+    between their middles; surface_m: between their surfaces, None where it is at least apart_m, the
+    distance of their boxes. near_m: the distance up to which they are near.
+    Of a towards b, and of b towards a: gap_*_m where one rests on the other in balance; inside_*:
+    the share of one in the other's convex hull; under_*_m: how far straight below; angle_*_deg:
+    between one's front and the way to the other; hidden_*: the share of one that the other hides.
     """
 
-    a: int
-    b: int
-    left_m: float
-    above_m: float
-    front_m: float
-    centre_m: float
-    apart_m: float
-    near_m: float
-    surface_m: float | None
-    gap_m: Both
-    inside: Both
-    under_m: Both
-    angle_deg: Both
-    hidden: Both
+    a: tuple[int, ...]
+    b: tuple[int, ...]
+    left_m: Column
+    above_m: Column
+    front_m: Column
+    centre_m: Column
+    apart_m: Column
+    near_m: Column
+    surface_m: Holed
+    gap_ab_m: Holed
+    gap_ba_m: Holed
+    inside_ab: Holed
+    inside_ba: Holed
+    under_ab_m: Column
+    under_ba_m: Column
+    angle_ab_deg: Holed
+    angle_ba_deg: Holed
+    hidden_ab: Column
+    hidden_ba: Column
 
 
 class Facts(Record, frozen=True, kw_only=True):
-    """What holds between the objects of one picture. left_out: objects beyond the bound.
-
-    pairs: of all objects, in ascending (a, b).
-    """
+    """What holds between the objects of one picture. left_out: objects beyond the bound."""
 
     size_wh: tuple[int, int]
     objects: tuple[FactObject, ...]
-    pairs: tuple[FactPair, ...]
+    pairs: FactPairs
     left_out: int = 0
 
 
@@ -92,7 +96,8 @@ class Question(Record, frozen=True, kw_only=True):
 
     kind: of the answer: true or false, one of the options, a whole number, metres, or a box x, y,
     width, height in pixels. relation: what is asked; a, b: the things it names; options: what a
-    choice is among. any: whether it holds of any two things of these categories.
+    choice is among. any: whether it holds of any two things of these categories; frame: an object's
+    own frame of reference, UNSET for the picture's.
     """
 
     id: str
@@ -103,7 +108,8 @@ class Question(Record, frozen=True, kw_only=True):
     a: Designator
     b: Designator | None = None
     options: tuple[Designator, ...] = ()
-    any: bool = False
+    any: bool | UnsetType = UNSET
+    frame: str | UnsetType = UNSET
 
 
 class TrueAnswer(Record, frozen=True, kw_only=True):
@@ -211,7 +217,7 @@ class RelationMetric(Metric, frozen=True, kw_only=True):
 
 
 class RelationsSummary(Summary, frozen=True, kw_only=True):
-    """Of relations. unanswered: questions by the reason; contradictory: left out of every number."""
+    """Of relations. unanswered: questions by reason; contradictory: left out of every number."""
 
     metrics: dict[str, Metric]
     relations: tuple[RelationMetric, ...]

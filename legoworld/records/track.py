@@ -7,6 +7,7 @@ from typing import Annotated, Any, Final
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.relations import Question
 
 #: Ids above 2**53 lose digits where JSON numbers are read as doubles.
 LARGEST_ID: Final = 2**53
@@ -55,6 +56,7 @@ class TrackFile(Private, frozen=True, kw_only=True):
     images: Annotated[tuple[ImageInfo, ...], Meta(min_length=1)]
     categories: tuple[CategoryInfo, ...] | None = None
     info: dict[str, Any] | None = None
+    questions: tuple[Question, ...] = ()
 
 
 class Part(Record, frozen=True, kw_only=True):
@@ -87,6 +89,7 @@ class MadeTrack(Record, frozen=True, kw_only=True):
     info: TrackInfo
     images: tuple[ImageInfo, ...]
     categories: tuple[CategoryInfo, ...]
+    questions: tuple[Question, ...] | UnsetType = UNSET
 
 
 class ListedImage(Record, frozen=True, kw_only=True):

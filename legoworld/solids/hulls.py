@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -31,16 +30,19 @@ def share_inside(points: Points, planes: Points) -> float:
     return float((outside <= 1e-4).all(axis=1).mean())
 
 
-def facing_angle_deg(front: Points, way: Points) -> float | None:
-    """Angle on the ground between two directions, (3,) each, 0 to 180 degrees.
+def facing_angles_deg(front: Points, ways: Points) -> Points:
+    """(N,) angles on the ground between a front (3,) and ways (N, 3), 0 to 180 degrees.
 
-    None where either has no direction on the ground: it points up or down to a thousandth.
+    NaN where either has no direction on the ground: it points up or down to a thousandth.
     """
-    for direction in (front, way):
-        if math.hypot(*direction[:2]) <= _ON_GROUND * math.hypot(*direction):
-            return None
-    cross = front[0] * way[1] - front[1] * way[0]
-    return abs(math.degrees(math.atan2(cross, float(front[:2] @ way[:2]))))
+    on_ground = [
+        np.hypot(d[..., 0], d[..., 1]) > _ON_GROUND * np.sqrt((d * d).sum(axis=-1))
+        for d in (front, ways)
+    ]
+    cross = front[0] * ways[:, 1] - front[1] * ways[:, 0]
+    along = front[0] * ways[:, 0] + front[1] * ways[:, 1]
+    angles = np.abs(np.degrees(np.arctan2(cross, along)))
+    return np.where(on_ground[0] & on_ground[1], angles, np.nan)
 
 
 def step_deviation(centres: Sequence[Points]) -> float | None:

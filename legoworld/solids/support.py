@@ -42,22 +42,21 @@ def rest_on(own: Triangles, below: Triangles) -> Rest | None:
     On each vertical line the highest surface that is not above the entity counts: what pokes
     through its floor is sunk into it, however far. The least gap of all lines is the entity's.
     """
-    lines = _lines(own)
-    if len(below):
-        nearest, farthest = below[:, :, :2].min((0, 1)), below[:, :, :2].max((0, 1))
-        lines = tuple(
-            line[(line >= low) & (line <= high)]
-            for line, low, high in zip(lines, nearest, farthest, strict=True)
-        )
-    low, high = _heights(own, *lines, np.inf)
-    _, under = _heights(below, *lines, high)
+    if not len(below):
+        return None
+    x, y = (
+        line[(line >= below[..., axis].min()) & (line <= below[..., axis].max())]
+        for axis, line in enumerate(_lines(own))
+    )
+    low, high = _heights(own, x, y, np.inf)
+    _, under = _heights(below, x, y, high)
     met = np.isfinite(low) & np.isfinite(under)
     if not met.any():
         return None
     gaps = np.where(met, low - np.where(met, under, 0.0), np.inf)
     least = float(gaps.min())
     height = float(np.ptp(own[:, :, 2]))
-    contact = _outermost(gaps <= least + min(_BAND_M, _BAND_SHARE * height), *lines)
+    contact = _outermost(gaps <= least + min(_BAND_M, _BAND_SHARE * height), x, y)
     half = np.ptp(own[:, :, :2].reshape(-1, 2), axis=0) / (2 * _LINES)
     return Rest(gap_m=least, balanced=_above(centre_of_mass(own)[:2], contact, half))
 

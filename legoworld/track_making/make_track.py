@@ -16,7 +16,7 @@ from msgspec.structs import asdict
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.files import atomic_path, names_a_file
 from legoworld.pluralize import in_another_folder
-from legoworld.records.base import canonical, readable
+from legoworld.records.base import UNSET, canonical, readable
 from legoworld.records.track import ImageInfo, MadeTrack, TrackInfo
 from legoworld.track_making.family import load_track_family
 from legoworld.tracks.dataset_versions import find_dataset
@@ -153,7 +153,13 @@ def _write(
         chosen=selected.listed,
         **asdict(source.part),
     )
-    document = MadeTrack(info=info, images=tuple(images), categories=source.categories)
+    ids = {image.id for image in images}
+    document = MadeTrack(
+        info=info,
+        images=tuple(images),
+        categories=source.categories,
+        questions=tuple(q for q in source.questions if q.image_id in ids) or UNSET,
+    )
     with atomic_path(output) as unfinished:
         unfinished.write_text(_readable(document), encoding="utf-8")
         load_track(unfinished, called=f"of {source.name}")  # the same checks as in every later step
@@ -237,10 +243,15 @@ def find_photo(photos: Path, image: TrackImage) -> Path | None:
 
 
 def _readable(document: MadeTrack) -> str:
-    """JSON with one image or category per line."""
+    """JSON with one image, category or question per line."""
     info = readable(document.info).rstrip().replace("\n", "\n ")
     lists = [
         f'"{key}": [\n' + ",\n".join(map(canonical, entries)) + "\n]"
-        for key, entries in (("images", document.images), ("categories", document.categories))
+        for key, entries in (
+            ("images", document.images),
+            ("categories", document.categories),
+            ("questions", document.questions),
+        )
+        if entries is not UNSET
     ]
     return "{\n" + ",\n".join([f'"info": {info}', *lists]) + "\n}\n"

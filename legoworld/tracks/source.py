@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from legoworld.records.relations import Question
 from legoworld.records.track import CategoryInfo, ImageInfo, Part
 
 
@@ -13,7 +14,7 @@ class Source:
 
     name: of the file or folder; version: of the dataset, "custom" for a user's own; sha256: of the
     files that images and categories were read from; part: the part of the dataset that is present,
-    if known; notices: messages for the user.
+    if known; questions: about the images, where there are any; notices: messages for the user.
     """
 
     name: str
@@ -21,5 +22,6 @@ class Source:
     sha256: str
     images: tuple[ImageInfo, ...]
     categories: tuple[CategoryInfo, ...] = ()
+    questions: tuple[Question, ...] = ()
     part: Part = field(default_factory=Part)
     notices: tuple[str, ...] = ()

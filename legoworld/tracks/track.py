@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
+from legoworld.records.relations import Question
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
 from legoworld.remote import Place, folders_holding
@@ -39,13 +40,14 @@ class TrackImage:
 class Track:
     """Images in ascending id, and the track's vocabulary (None if it has none).
 
-    made_for: the task the track was made for, None if not recorded.
+    made_for: the task the track was made for, None if not recorded; questions: about its images.
     """
 
     images: tuple[TrackImage, ...]
     vocabulary: Vocabulary | None
     sha256: str | None
     made_for: str | None
+    questions: tuple[Question, ...] = ()
 
 
 def load_track(path: Path, called: str | None = None) -> Track:
@@ -73,6 +75,7 @@ def load_track(path: Path, called: str | None = None) -> Track:
         vocabulary=make_vocabulary(file.categories, source) if file.categories else None,
         sha256=sha256_of_file(path),
         made_for=None if made_for is None else str(made_for),
+        questions=file.questions,
     )
 
 

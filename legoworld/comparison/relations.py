@@ -1,0 +1,68 @@
+"""Two evaluations of relations: over the questions of the images, one draw for both sides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.family import ComparisonFamily, Measurer
+from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
+from legoworld.evaluation.bootstrap import weighted_sums
+from legoworld.evaluation.relations.summary import METRICS, ratios
+from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.records.comparison import Images
+from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.relations import RelationsRow
+
+_POLICIES: Final = ("answers", "chance", "blind")
+_HEADLINE: Final = ("accuracy", "count_exact", "mra", "refer_50")
+
+
+def _metrics(_task: str) -> list[Metric]:
+    return [
+        Metric(
+            id=f"{name}.{policy}",
+            policy=policy,
+            better="lower" if name == "count_error" else "higher",
+            level=HEADLINE if policy == "answers" and name in _HEADLINE else TABLE,
+        )
+        for name, guessed in METRICS.items()
+        for policy in (_POLICIES if guessed else _POLICIES[:1])
+    ]
+
+
+def _measurer(
+    _scene: StoredEvaluation,
+    _images: Images,
+    kept: NDArray[np.bool_],
+    settings: ComparisonSettings,
+) -> Measurer:
+    draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
+
+    def measure(side: StoredEvaluation) -> Measures:
+        rows = cast("Sequence[RelationsRow]", side.rows)
+        used = [row for row, keep in zip(rows, kept, strict=True) if keep]
+        measures = {}
+        for name, guessed in METRICS.items():
+            values = ratios(name, used, lambda column: column.sum(keepdims=True))[:, 0]
+            samples = ratios(name, used, lambda column: weighted_sums(draws.counts, column))
+            for k, policy in enumerate(_POLICIES if guessed else _POLICIES[:1]):
+                measures[f"{name}.{policy}"] = Measure(
+                    value=float(values[k]),
+                    samples=samples[k],
+                    over={"images": len(used)},
+                    extra={},
+                )
+        return measures
+
+    return measure
+
+
+COMPARISON: Final = ComparisonFamily(
+    metrics=_metrics,
+    unit=lambda _side: "image",
+    measurer=_measurer,
+)

@@ -1,0 +1,1 @@
+"""Questions about a picture: asked of facts, answered, and scored against what is true."""

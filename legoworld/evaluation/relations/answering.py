@@ -1,0 +1,194 @@
+"""What the facts of a scene answer to a question, and what a given answer means."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
+
+from legoworld.readouts.relation_kinds import FactBase, describe
+from legoworld.records.relations import Answered, FactObject, Question
+
+#: Relations whose meaning depends on whose left, or front, it is.
+_OF_A_FRAME: Final = frozenset({"left_of", "right_of", "above", "below", "in_front_of", "behind"})
+_YES: Final = {"yes": True, "true": True, "no": False, "false": False}
+_UNKNOWN: Final = frozenset({"", "unknown", "none", "null", "n/a"})
+
+
+class Reply(NamedTuple):
+    """An answer, or None and why there is none."""
+
+    value: Answered | None
+    why: str = ""
+
+
+class _NoAnswerError(Exception):
+    """A question cannot be answered; the text is the reason."""
+
+
+def answer_by_facts(question: Question, base: FactBase) -> Reply:
+    """The answer of a scene; a reason where what the question names is not there."""
+    if question.frame and question.relation in _OF_A_FRAME:
+        return Reply(None, "foreign_frame")
+    answer = _ANSWERS.get(question.relation, _BY_KIND.get(question.kind))
+    if answer is None:
+        return Reply(None, "not_a_relation")
+    try:
+        return Reply(answer(question, base))
+    except _NoAnswerError as error:
+        return Reply(None, str(error))
+
+
+def read_answer(question: Question, given: Any) -> Reply:
+    """A given answer as the question's kind has it; a reason where it cannot be read so."""
+    if given is None or (isinstance(given, str) and given.strip().casefold() in _UNKNOWN):
+        return Reply(None, "no_answer")
+    value = _READERS[question.kind](question, given)
+    return Reply(None, "unreadable") if value is None else Reply(value)
+
+
+def _one(base: FactBase, question: Question, name: str) -> FactObject:
+    """The one thing that the question names as a or b."""
+    designator = getattr(question, name)
+    found = base.named(designator)
+    if not found:
+        raise _NoAnswerError("not_there")
+    if len(found) > 1:
+        raise _NoAnswerError("ambiguous")
+    return found[0]
+
+
+def _margin(base: FactBase, relation: str, a: int, b: int) -> float:
+    margin = base.margin(relation, a, b)
+    if margin is None:
+        raise _NoAnswerError("no_front" if "facing" in relation else "undefined")
+    return margin
+
+
+def _holds(question: Question, base: FactBase) -> bool:
+    if question.b is None:
+        raise _NoAnswerError("not_a_relation")
+    if not question.any:
+        a, b = _one(base, question, "a"), _one(base, question, "b")
+        if a.id == b.id:
+            raise _NoAnswerError("ambiguous")
+        return _margin(base, question.relation, a.id, b.id) > 0
+    if question.a == question.b:
+        raise _NoAnswerError("named_twice")
+    of_both = base.named(question.a), base.named(question.b)
+    if not all(of_both):
+        raise _NoAnswerError("not_there")
+    pairs = [(a.id, b.id) for a, b in itertools.product(*of_both) if a.id != b.id]
+    return max(_margin(base, question.relation, a, b) for a, b in pairs) > 0
+
+
+def _nearest(question: Question, base: FactBase) -> str:
+    anchor = _one(base, question, "a")
+    found = [(name, base.named(name)) for name in question.options]
+    there = [(name, things[0].id) for name, things in found if len(things) == 1]
+    pairs = base.facts.pairs
+    apart = []
+    for name, b in there:
+        if b != anchor.id:
+            row = base.pair(anchor.id, b)
+            surface = pairs.surface_m[row]
+            apart.append((pairs.apart_m[row] if surface is None else surface, describe(name)))
+    if not apart:
+        raise _NoAnswerError("not_there")
+    return min(apart)[1]
+
+
+def _closest(question: Question, base: FactBase) -> str:
+    found = [(name, base.named(name)) for name in question.options]
+    depths = [(t[0].centre_cam_m[2], describe(name)) for name, t in found if len(t) == 1]
+    if not depths:
+        raise _NoAnswerError("not_there")
+    return min(depths)[1]
+
+
+def _distance(question: Question, base: FactBase) -> float:
+    a, b = _one(base, question, "a"), _one(base, question, "b")
+    if a.id == b.id:
+        raise _NoAnswerError("ambiguous")
+    return base.facts.pairs.centre_m[base.pair(a.id, b.id)]
+
+
+def _refer(question: Question, base: FactBase) -> Answered:
+    if question.b is None:
+        return _one(base, question, "a").bbox_xywh_px
+    anchor, things = _one(base, question, "b"), base.named(question.a)
+    margins = [
+        (_margin(base, question.relation, t.id, anchor.id), -t.id)
+        for t in things
+        if t.id != anchor.id
+    ]
+    if not margins:
+        raise _NoAnswerError("not_there")
+    best, number = max(margins)
+    if best <= 0:
+        raise _NoAnswerError("holds_of_none")
+    return base.objects[-number].bbox_xywh_px
+
+
+_ANSWERS: Final[Mapping[str, Callable[[Question, FactBase], Answered]]] = {
+    "exists": lambda question, base: bool(base.named(question.a)),
+    "count": lambda question, base: len(base.named(question.a)),
+    "nearest_to": _nearest,
+    "closest": _closest,
+    "distance": _distance,
+    "height": lambda question, base: _one(base, question, "a").size_m[2],
+}
+_BY_KIND: Final[Mapping[str, Callable[[Question, FactBase], Answered]]] = {
+    "yes_no": _holds,
+    "refer": _refer,
+}
+
+
+def _read_yes_no(_question: Question, given: Any) -> bool | None:
+    if isinstance(given, bool):
+        return given
+    words = re.findall(r"[a-z]+", given.casefold()) if isinstance(given, str) else []
+    return _YES.get(words[0]) if words else None
+
+
+def _read_choice(question: Question, given: Any) -> str | None:
+    if not isinstance(given, str):
+        return None
+    text = " ".join(given.casefold().strip(" .!").split()).removeprefix("the ")
+    options = {describe(o).casefold().removeprefix("the "): describe(o) for o in question.options}
+    return options.get(text)
+
+
+def _read_number(_question: Question, given: Any) -> float | None:
+    if isinstance(given, str):
+        found = re.fullmatch(r"\s*([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)\s*(?:m|metres?|meters?)?\s*",
+                             given.casefold())  # fmt: skip
+        given = float(found[1]) if found else None
+    is_number = isinstance(given, int | float) and not isinstance(given, bool)
+    return float(given) if is_number and math.isfinite(given) else None
+
+
+def _read_count(question: Question, given: Any) -> int | None:
+    value = _read_number(question, given)
+    return int(value) if value is not None and value == int(value) else None
+
+
+def _read_box(_question: Question, given: Any) -> Answered | None:
+    is_box = isinstance(given, list | tuple) and len(given) == 4
+    values = [_read_number(_question, v) for v in given] if is_box else [None]
+    numbers = [v for v in values if v is not None]
+    if len(numbers) < 4 or min(numbers[2:]) < 0:
+        return None
+    x, y, w, h = numbers
+    return (x, y, w, h)
+
+
+_READERS: Final[Mapping[str, Callable[[Question, Any], Answered | None]]] = {
+    "yes_no": _read_yes_no,
+    "choice": _read_choice,
+    "count": _read_count,
+    "number": _read_number,
+    "refer": _read_box,
+}

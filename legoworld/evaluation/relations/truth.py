@@ -1,0 +1,125 @@
+"""What is true of photos: a run of scenes, whose facts are exact, or statements of people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from msgspec.structs import replace
+
+from legoworld.errors import LegoWorldError, cause
+from legoworld.evaluation.relations.questions import make_questions
+from legoworld.evaluation.relations.statements import statement_answers
+from legoworld.evaluation.run import Run, read_family_run, read_rows
+from legoworld.files import sha256_of_file
+from legoworld.readouts.protocol import protocol
+from legoworld.records.base import UNSET, RecordError, decode, decode_lines
+from legoworld.records.folders.read_run import ROWS, RUN
+from legoworld.records.relations import AnswerFile, Statement, TrueAnswer
+from legoworld.records.run_rows import RunRow
+from legoworld.tasks.shipped import RELATIONS
+from legoworld.tracks.track import scene_name
+from legoworld.tracks.vocabulary import Vocabulary
+
+EXPECTED: Final = (
+    "a run of scenes, or JSON Lines of statements as VSR has them: image, caption, relation, label"
+)
+
+
+class RelationsTruthError(LegoWorldError):
+    """A truth of relations cannot be used."""
+
+    code = "relations_truth"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueImage:
+    """One photo with its questions. size_wh: None where the truth does not say it."""
+
+    image_id: int
+    file_name: str
+    size_wh: tuple[int, int] | None
+    answers: tuple[TrueAnswer, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """Photos by their scene's name. files: role and path of all that it was read from."""
+
+    images: Mapping[str, TrueImage]
+    files: tuple[tuple[str, Path], ...]
+
+
+def read_truth(path: Path, task: str) -> Truth:
+    """The questions of a truth with their answers. RelationsTruthError, RunUnusableError."""
+    known = protocol(task, None).vocabulary
+    assert known is not None  # the card has one
+    if path.is_dir():
+        return _truth_of_scenes(path, known)
+    try:
+        statements = decode_lines(Statement, path.read_bytes())
+    except (OSError, RecordError) as error:
+        raise RelationsTruthError(
+            f"{path.name} is no truth of relations", found=cause(error), expected=EXPECTED
+        ) from error
+    if not statements:
+        raise RelationsTruthError(
+            f"{path.name} has no statement", found="an empty file", expected=EXPECTED
+        )
+    images = {}
+    answers = statement_answers(statements, known)
+    for number, name in enumerate(sorted(answers), start=1):
+        images[scene_name(name)] = TrueImage(
+            image_id=number, file_name=name, size_wh=None, answers=_of_image(answers[name], number)
+        )
+    return Truth(images=images, files=(("truth", path),))
+
+
+def read_answer_file(run: Run, row: RunRow) -> AnswerFile | None:
+    """An image's answer; None where it has none. RelationsTruthError for an altered file."""
+    if row.answer is UNSET:
+        return None
+    path = run.folder / row.answer.file
+    try:
+        if sha256_of_file(path) == row.answer.sha256:
+            return decode(AnswerFile, path.read_bytes())
+        found = "another sha256"
+    except (OSError, RecordError) as error:
+        found = cause(error)
+    raise RelationsTruthError(
+        f"{run.folder.name}/{row.answer.file} is not the one that the run wrote",
+        found=found,
+        expected=f"the sha256 in {ROWS}",
+        next_step="run its command again with --overwrite",
+    )
+
+
+def _truth_of_scenes(path: Path, vocabulary: Vocabulary) -> Truth:
+    run = read_family_run(path, RELATIONS, "a run of relations")
+    categories = [category.name for category in vocabulary.categories]
+    files, images = [("truth", path / RUN), ("truth_rows", path / ROWS)], {}
+    for row in read_rows(run):
+        answer, scene = read_answer_file(run, row), scene_name(row.file_name)
+        made: list[TrueAnswer] = []
+        if answer is not None and row.answer is not UNSET:
+            if answer.facts is UNSET:
+                raise RelationsTruthError(
+                    f"{path.name} is no truth of relations",
+                    found="answers to questions",
+                    expected=EXPECTED,
+                )
+            files.append(("truth_facts", path / row.answer.file))
+            made = make_questions(answer.facts, scene, row.image_id, categories)
+        images[scene] = TrueImage(
+            image_id=row.image_id,
+            file_name=row.file_name,
+            size_wh=row.size_wh,
+            answers=tuple(made),
+        )
+    return Truth(images=images, files=tuple(files))
+
+
+def _of_image(answers: list[TrueAnswer], image_id: int) -> tuple[TrueAnswer, ...]:
+    return tuple(replace(one, question=replace(one.question, image_id=image_id)) for one in answers)
