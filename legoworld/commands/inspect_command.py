@@ -147,12 +147,11 @@ def _lines(view: SceneView, output: Path | None, out: Output) -> Iterator[str]:
     )
     of_task = view.task_table
     if of_task is not None and of_task.rows:
-        rows = [tuple(map(str, row)) for row in of_task.rows]
-        told = rows if out.verbose else rows[:40]
+        told = of_task.rows if out.verbose else of_task.rows[:40]
         yield f"\n{of_task.title}"
         yield table([column.name for column in of_task.columns], told)
-        if len(told) < len(rows):
-            yield f"... and {len(rows) - len(told)} more (-v lists them)"
+        if len(told) < len(of_task.rows):
+            yield f"... and {len(of_task.rows) - len(told)} more (-v lists them)"
     for name, count in view.outside_vocabulary.items():
         yield outside_the_vocabulary(name, count, view.nearest[name])
     for name, label in view.not_rendered:

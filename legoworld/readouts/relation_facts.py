@@ -7,6 +7,7 @@ are near each other: the others have the distance of their boxes as a bound.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -218,7 +219,7 @@ def _directions(view: View, things: _Things) -> tuple[Floats, Floats, Floats]:
 def _gap(low: Floats, high: Floats) -> Floats:
     """(n, n) how far interval a ends before b begins; negative if b is first, 0 if they overlap."""
     before = low[None] - high[:, None]
-    return np.maximum(before, 0) - np.maximum(before.T, 0)
+    return np.asarray(np.maximum(before, 0) - np.maximum(before.T, 0))
 
 
 def _under(things: _Things) -> Floats:
@@ -250,13 +251,13 @@ def _hidden(view: View, things: _Things, layers: AmodalLayers) -> Floats:
 def _rest(things: _Things, a: int, b: int) -> float:
     """The gap of a above b where a rests there in balance; NaN elsewhere."""
     if things.high[a, 2] <= things.low[b, 2] + TOUCH_M:
-        return np.nan
+        return math.nan
     rest = rest_on(things.solids[a].corners, things.solids[b].corners)
-    return rest.gap_m if rest is not None and rest.balanced else np.nan
+    return rest.gap_m if rest is not None and rest.balanced else math.nan
 
 
 def _inside(inner: Solid, outer: Solid) -> float:
-    return np.nan if outer.planes is None else share_inside(inner.points, outer.planes)
+    return math.nan if outer.planes is None else share_inside(inner.points, outer.planes)
 
 
 def _angles(things: _Things) -> Floats:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from legoworld.readouts.relation_facts import TOUCH_M
-from legoworld.records.relations import Designator, FactObject, FactPairs, Facts
+from legoworld.records.relations import Designator, FactObject, FactPairs, Facts, Which
 
 #: The share of a thing in another's convex hull from which it is inside of it.
 INSIDE: Final = 0.95
@@ -119,7 +119,7 @@ RELATIONS: Final[Mapping[str, Relation]] = {
 }
 
 #: Superlatives that name one of several: the relation it has to all others of its category.
-WHICH: Final = {
+WHICH: Final[Mapping[Which, str]] = {
     "leftmost": "left_of",
     "rightmost": "right_of",
     "closest": "in_front_of",

@@ -80,11 +80,14 @@ class Facts(Record, frozen=True, kw_only=True):
     left_out: int = 0
 
 
+Which = Literal["", "leftmost", "rightmost", "closest", "farthest"]
+
+
 class Designator(Record, frozen=True, kw_only=True):
     """A thing as a question names it. which: among several of its category."""
 
     category: str
-    which: Literal["", "leftmost", "rightmost", "closest", "farthest"] = ""
+    which: Which = ""
 
 
 Kind = Literal["yes_no", "choice", "count", "number", "refer"]

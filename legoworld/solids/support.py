@@ -143,13 +143,13 @@ def _heights(
 
 def _height_at(triangles: Triangles, x: Points, y: Points) -> Points:
     """z of triangles, (..., 3, 3), on vertical lines; NaN where missed or seen from the edge."""
-    a, b, c = (triangles[..., k, :] for k in range(3))
+    a, b, c = triangles[..., 0, :], triangles[..., 1, :], triangles[..., 2, :]
     u0, u1 = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     v0, v1 = c[..., 0] - a[..., 0], c[..., 1] - a[..., 1]
     w0, w1 = x - a[..., 0], y - a[..., 1]
-    det = u0 * v1 - u1 * v0
-    flat = det == 0
-    det = np.where(flat, 1.0, det)
+    area: Points = u0 * v1 - u1 * v0
+    flat = np.asarray(area == 0)
+    det = np.where(flat, 1.0, area)
     s = (w0 * v1 - w1 * v0) / det
     t = (u0 * w1 - u1 * w0) / det
     hit = ~flat & (s >= 0) & (t >= 0) & (s + t <= 1)

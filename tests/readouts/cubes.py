@@ -41,7 +41,7 @@ def seen(*placed, unit_scale=1.0, size=SIZE, camera=None):
     n = len(placed)
     snapshot = replace(
         scene.snapshot(),
-        camera=replace(camera or CAMERA, world_from_camera=LEVEL, lens_mm=24.0),
+        camera=replace(camera or CAMERA, world_from_camera=LEVEL, lens_mm=24.0, clip_end=1e4),
         render=replace(RENDER, unit_scale=unit_scale),
         vertices=CORNERS,
         triangles=FACES,

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
-from legoworld.readouts.relation_kinds import FactBase, describe
+from legoworld.readouts.relation_kinds import RELATIONS, FactBase, describe
 from legoworld.records.relations import Answered, FactObject, Question
 
 #: Relations whose meaning depends on whose left, or front, it is.
@@ -61,6 +61,8 @@ def _one(base: FactBase, question: Question, name: str) -> FactObject:
 
 
 def _margin(base: FactBase, relation: str, a: int, b: int) -> float:
+    if relation not in RELATIONS:
+        raise _NoAnswerError("not_a_relation")
     margin = base.margin(relation, a, b)
     if margin is None:
         raise _NoAnswerError("no_front" if "facing" in relation else "undefined")
@@ -136,7 +138,7 @@ _ANSWERS: Final[Mapping[str, Callable[[Question, FactBase], Answered]]] = {
     "exists": lambda question, base: bool(base.named(question.a)),
     "count": lambda question, base: len(base.named(question.a)),
     "nearest_to": _nearest,
-    "closest": _closest,
+    "closest_to_camera": _closest,
     "distance": _distance,
     "height": lambda question, base: _one(base, question, "a").size_m[2],
 }

@@ -100,7 +100,7 @@ def _evaluate(request: EvaluationRequest) -> RelationsSummary:
     summary = _summary(
         rows,
         run.task,
-        run.configuration.kind,
+        run.configuration.kind or None,
         partial=run.partial,
         draws=request.draws,
         seed=request.seed,

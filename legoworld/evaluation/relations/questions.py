@@ -43,11 +43,15 @@ _WHOLE: Final = 0.9
 #: How much farther the second nearest is, and at least in metres.
 _FARTHER: Final = 1.5
 _FARTHER_M: Final = 0.05
-#: Relations that are asked, their inverses included.
+#: Relations that are asked. Not `facing`: most things have no front that people agree on.
 ASKED: Final = (
     "left_of", "right_of", "above", "below", "in_front_of", "behind", "on", "inside", "touching",
-    "near", "facing", "hides",
+    "near", "hides",
 )  # fmt: skip
+_AXES: Final = (("left_of", "right_of"), ("in_front_of", "behind"))
+_CONTACTS: Final = ("on", "inside", "touching")
+#: From which share of the picture's longer side a gap between boxes is seen.
+_SEEN_GAP: Final = 0.02
 #: Relations that single out one of several things.
 _SINGLE_OUT: Final = ("left_of", "right_of", "on", "inside")
 
@@ -139,9 +143,11 @@ class _Asker:
         phrase, made = RELATIONS[relation].phrase, []
         for a, b in self._pairs():
             holds = self.base.asked(relation, a, b)
-            if holds is None or (holds and not _reads_well(self.base, relation, a, b)):
-                continue
             one, two = self.names[a], self.names[b]
+            if holds is None or _gives_away(relation, one) or _gives_away(relation, two):
+                continue
+            if not _reads_well(self.base, relation, a, b, holds=holds):
+                continue
             text = f"Is {describe(one)} {phrase} {describe(two)}?"
             question = self._question("yes_no", relation, text, one, two)
             made.append(_true(question, holds, chance=0.5, boxes=self._boxes(a, b)))
@@ -189,11 +195,14 @@ class _Asker:
     def closest(self) -> list[TrueAnswer]:
         """Which of several things is closest to the camera."""
         made = []
-        for a in self.names:
-            behind = [b for b in self.names if b != a and self.base.asked("in_front_of", a, b)]
+        names = [a for a, name in self.names.items() if not _gives_away("in_front_of", name)]
+        for a in names:
+            behind = [b for b in names if b != a and self.base.asked("in_front_of", a, b)]
             if len(behind) >= OPTIONS - 1:
-                made.append(self._choice("closest", "Which is closest to the camera", a, behind))
-        return self._drawn("closest", made, PER_RELATION // 2)
+                made.append(
+                    self._choice("closest_to_camera", "Which is closest to the camera", a, behind)
+                )
+        return self._drawn("closest_to_camera", made, PER_RELATION // 2)
 
     def _choice(
         self,
@@ -220,7 +229,8 @@ class _Asker:
         for a, b in self._pairs():
             if a < b and self._is_whole(a) and self._is_whole(b):
                 one, two = self.names[a], self.names[b]
-                text = f"How far apart are the middles of {describe(one)} and {describe(two)}, in metres?"
+                both = f"{describe(one)} and {describe(two)}"
+                text = f"How many metres are there between the middles of {both}?"
                 question = self._question("number", "distance", text, one, two)
                 apart = self.base.facts.pairs.centre_m[self.base.pair(a, b)]
                 if apart > 0:
@@ -292,12 +302,30 @@ def _is_seen(thing: FactObject) -> bool:
     return thing.area_px >= MIN_AREA_PX and (thing.visible or 0.0) >= MIN_VISIBLE
 
 
-def _reads_well(base: FactBase, relation: str, a: int, b: int) -> bool:
-    """Whether people use this word of the two: what a bowl holds is in it, and rests on it."""
-    inside = (base.margin("inside", a, b) or 0.0) > -0.5
+def _gives_away(relation: str, name: Designator) -> bool:
+    """Whether a name alone tells something of the answer: the closest is rarely behind."""
+    return any(relation in axis and WHICH.get(name.which) in axis for axis in _AXES)
+
+
+def _reads_well(base: FactBase, relation: str, a: int, b: int, *, holds: bool) -> bool:
+    """Whether people would say so of the two.
+
+    What a bowl holds is in it, and rests on it. What does not touch is apart in the picture, too:
+    a gap that nobody sees is none.
+    """
+    if not holds and relation in _CONTACTS:
+        boxes = base.objects[a].bbox_xywh_px, base.objects[b].bbox_xywh_px
+        gaps = [_box_gap(*boxes, axis) for axis in (0, 1)]
+        return max(gaps) >= _SEEN_GAP * max(base.facts.size_wh)
+    inside = (base.margin("inside", a, b) or 0.0) > -0.45
     if relation == "on":
         return not inside
     return relation != "inside" or (base.margin("on", a, b) or 0.0) > 0
+
+
+def _box_gap(one: Box, other: Box, axis: int) -> float:
+    """The gap of two boxes along x or y, in pixels; negative where they overlap there."""
+    return max(other[axis] - one[axis] - one[axis + 2], one[axis] - other[axis] - other[axis + 2])
 
 
 def _true(
