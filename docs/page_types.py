@@ -20,8 +20,10 @@ OUTPUT: Final = Path(__file__).parents[1] / "tools" / "page" / "records.d.ts"
 ROOTS: Final = (
     report_page.DetectionPageView,
     report_page.DepthPageView,
+    report_page.RelationsPageView,
     report_page.DetectionCell,
     report_page.DepthCell,
+    report_page.RelationsCell,
     report_reconstruction.BenchPageView,
     report_reconstruction.BenchCell,
     report_reconstruction.CaseLine,

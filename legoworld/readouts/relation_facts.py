@@ -19,9 +19,9 @@ from legoworld.records.relations import FactObject, FactPairs, Facts
 from legoworld.scene.affine import transform_points
 from legoworld.scene.instances import Instance
 from legoworld.solids.distance import Solid, surface_distance_m
-from legoworld.solids.hulls import facing_angles_deg, share_inside
+from legoworld.solids.hulls import HULL_SLACK_M, facing_angles_deg, share_inside
 from legoworld.solids.support import rest_on
-from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
+from legoworld.visibility.layers import HiddenPixels, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.view import View
 
 Floats = NDArray[np.float64]
@@ -30,8 +30,6 @@ Floats = NDArray[np.float64]
 MOST_OBJECTS: Final = 100
 #: Surfaces that are farther apart than this do not rest on each other.
 TOUCH_M: Final = 0.01
-#: Up to how many near distances of a pair's boxes its surfaces are measured.
-_REACH: Final = 2.0
 _DIGITS: Final = 6
 
 
@@ -71,10 +69,11 @@ def relation_facts(
         depth_scale=view.depth_scale,
         threads=threads,
     )
+    areas = amodal_areas(layers, len(view.area_px))
     return Facts(
         size_wh=view.size_wh,
-        objects=_objects(view, things, layers),
-        pairs=_pairs(view, things, layers),
+        objects=_objects(view, things, areas),
+        pairs=_pairs(view, things, areas, occluders(layers)),
         left_out=len(shown) - len(kept),
     )
 
@@ -115,8 +114,7 @@ def _things(view: View, instances: Sequence[Instance]) -> _Things:
     )  # fmt: skip
 
 
-def _objects(view: View, things: _Things, layers: AmodalLayers) -> tuple[FactObject, ...]:
-    areas = amodal_areas(layers, len(view.area_px))
+def _objects(view: View, things: _Things, areas: NDArray[np.int64]) -> tuple[FactObject, ...]:
     centre = (things.cam_low + things.cam_high) / 2
     size = things.high - things.low
     objects = []
@@ -139,7 +137,9 @@ def _objects(view: View, things: _Things, layers: AmodalLayers) -> tuple[FactObj
     return tuple(objects)
 
 
-def _pairs(view: View, things: _Things, layers: AmodalLayers) -> FactPairs:
+def _pairs(
+    view: View, things: _Things, areas: NDArray[np.int64], hiding: HiddenPixels
+) -> FactPairs:
     ids = np.array([i.id for i in things.instances], np.int64)
     a, b = np.triu_indices(len(ids), 1)
     left, above, front = _directions(view, things)
@@ -148,7 +148,7 @@ def _pairs(view: View, things: _Things, layers: AmodalLayers) -> FactPairs:
     apart = _norm(np.maximum(gap, gap.transpose(1, 0, 2)))
     diagonal = _norm(things.high - things.low)
     near = (diagonal[:, None] + diagonal[None]) / 2
-    under, hidden = _under(things), _hidden(view, things, layers)
+    under, hidden = _under(things), _hidden(things, areas, hiding)
     angle = _angles(things)
     surface, rest, inside = _contacts(things, apart, near)
 
@@ -156,7 +156,9 @@ def _pairs(view: View, things: _Things, layers: AmodalLayers) -> FactPairs:
         return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
 
     def holed(values: Floats) -> tuple[float | None, ...]:
-        return tuple(None if v != v else v for v in known(values))
+        if np.isnan(values).all():
+            return (None,) * len(values)
+        return tuple([None if v != v else v for v in known(values)])
 
     return FactPairs(
         a=tuple(ids[a].tolist()),
@@ -185,7 +187,7 @@ def _contacts(things: _Things, apart: Floats, near: Floats) -> tuple[Floats, Flo
     """(n, n) surface distances, gaps of a at rest on b, shares of a in b; NaN where unknown."""
     n = len(things.solids)
     surface, rest, inside = np.full((n, n), np.nan), np.full((n, n), np.nan), np.zeros((n, n))
-    for a, b in np.argwhere(np.triu(apart <= _REACH * near, 1)).tolist():
+    for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
         one, two = things.solids[a], things.solids[b]
         surface[a, b] = surface_distance_m(one, two)
         if surface[a, b] <= TOUCH_M:
@@ -233,14 +235,12 @@ def _under(things: _Things) -> Floats:
     return np.asarray(np.minimum(gap, shared[..., :2].min(axis=2)))
 
 
-def _hidden(view: View, things: _Things, layers: AmodalLayers) -> Floats:
+def _hidden(things: _Things, areas: NDArray[np.int64], pairs: HiddenPixels) -> Floats:
     """(n, n) the share of a's silhouette at which the picture shows b."""
     n = len(things.instances)
-    index = np.full(len(view.area_px) + 1, -1)  # the last entry is for holdouts
+    index = np.full(len(areas) + 1, -1)  # the last entry is for holdouts
     index[[i.id for i in things.instances]] = np.arange(n)
-    areas = amodal_areas(layers, len(view.area_px))
-    pairs = occluders(layers)
-    hiding = np.where(pairs.hiding < 0, len(view.area_px), pairs.hiding)
+    hiding = np.where(pairs.hiding < 0, len(areas), pairs.hiding)
     known = (index[pairs.hidden] >= 0) & (index[hiding] >= 0)
     hidden = np.zeros((n, n))
     shares = pairs.count[known] / areas[pairs.hidden[known]]
@@ -257,17 +257,21 @@ def _rest(things: _Things, a: int, b: int) -> float:
 
 
 def _inside(inner: Solid, outer: Solid) -> float:
+    """The share of one in the other's hull; up to a half, of the other's box, which is no less."""
+    low, high = outer.points.min(axis=0), outer.points.max(axis=0)
+    slack = (inner.points >= low - HULL_SLACK_M) & (inner.points <= high + HULL_SLACK_M)
+    share = float(slack.all(axis=1).mean())
+    if share <= 0.5:
+        return share
     return math.nan if outer.planes is None else share_inside(inner.points, outer.planes)
 
 
 def _angles(things: _Things) -> Floats:
     """(n, n) angles between a's front and the way to b; NaN where it has none."""
+    none = np.full(3, math.nan)
+    fronts = np.array([none if front is None else front for front in things.fronts])
     middle = things.middle
-    angles = np.full((len(middle), len(middle)), np.nan)
-    for a, front in enumerate(things.fronts):
-        if front is not None:
-            angles[a] = facing_angles_deg(front, middle - middle[a])
-    return angles
+    return facing_angles_deg(fronts.reshape(-1, 1, 3), middle[None] - middle[:, None])
 
 
 def _norm(vectors: Floats) -> Floats:

@@ -64,6 +64,9 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-per-image-normals-scored": Format(
         "a line of EVALUATION/per_image.jsonl, normals, scored", "normals:ScoredNormalsRow"
     ),
+    "evaluation-per-image-relations": Format(
+        "a line of EVALUATION/per_image.jsonl, relations", "relations:RelationsRow"
+    ),
     "evaluation-summary-bench": Format(
         "EVALUATION/summary.json, bench", "reconstruction_summary:ReconstructionSummary"
     ),
@@ -73,6 +76,9 @@ FORMATS: Final[Mapping[str, Format]] = {
     ),
     "evaluation-summary-normals": Format(
         "EVALUATION/summary.json, normals", "normals:NormalsSummary"
+    ),
+    "evaluation-summary-relations": Format(
+        "EVALUATION/summary.json, relations", "relations:RelationsSummary"
     ),
     "execution": Format("SCENE/execution.json", "execution:ExecutionFile"),
     "frozen": Format("SCENE/frozen.json", "frozen:FrozenFile"),

@@ -46,8 +46,9 @@ class FactPairs(Record, frozen=True, kw_only=True):
     between their middles; surface_m: between their surfaces, None where it is at least apart_m, the
     distance of their boxes. near_m: the distance up to which they are near.
     Of a towards b, and of b towards a: gap_*_m where one rests on the other in balance; inside_*:
-    the share of one in the other's convex hull; under_*_m: how far straight below; angle_*_deg:
-    between one's front and the way to the other; hidden_*: the share of one that the other hides.
+    the share of one in the other's convex hull, up to a half in its box; under_*_m: how far
+    straight below; angle_*_deg: between one's front and the way to the other; hidden_*: the share
+    of one that the other hides.
     """
 
     a: tuple[int, ...]

@@ -155,6 +155,22 @@ class DepthPageView(PageView, frozen=True, kw_only=True):
     depth: DepthDrawing | None
 
 
+class PageQuestion(Record, frozen=True, kw_only=True):
+    """A question about a photo. answers, scores: of each side; boxes: of the things it names."""
+
+    text: str
+    truth: str
+    answers: tuple[str, ...]
+    scores: tuple[float | None, ...]
+    boxes: tuple[tuple[int | float, int | float, int | float, int | float], ...]
+
+
+class RelationsPageView(PageView, frozen=True, kw_only=True):
+    """A photo of relations."""
+
+    questions: tuple[PageQuestion, ...]
+
+
 class PhotoCell(Record, frozen=True, kw_only=True):
     """One side of a photo in the list. advice: the first finding; findings: how many are bad."""
 
@@ -180,6 +196,13 @@ class DepthCell(PhotoCell, frozen=True, kw_only=True):
     delta1: float | None
     constant: float | None
     holes: float | None
+
+
+class RelationsCell(PhotoCell, frozen=True, kw_only=True):
+    """Of relations. accuracy: None where nothing true or false is asked; answered: questions."""
+
+    accuracy: float | None
+    answered: int
 
 
 class PhotoRow(Record, frozen=True, kw_only=True):

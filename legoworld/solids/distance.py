@@ -48,5 +48,4 @@ def surface_distance_m(first: Solid, second: Solid) -> float:
 
     Also where one lies inside the other: the way from its surface to the other's.
     """
-    apart = fcl.distance(first.model, second.model, fcl.DistanceRequest(), fcl.DistanceResult())
-    return max(0.0, float(apart))
+    return max(0.0, float(fcl.distance(first.model, second.model)))

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
 
+#: How far outside of a hull a point still counts as inside.
+HULL_SLACK_M: Final = 1e-4
 #: A direction's part on the ground below this share of its length is rounding, not a direction.
 _ON_GROUND: Final = 1e-3
 
@@ -25,13 +27,13 @@ def hull_planes(container: Points) -> Points | None:
 
 
 def share_inside(points: Points, planes: Points) -> float:
-    """Share of points inside of a hull, a tenth of a millimetre of slack included."""
+    """Share of points inside of a hull, the slack included."""
     outside = points @ planes[:, :3].T + planes[:, 3]
-    return float((outside <= 1e-4).all(axis=1).mean())
+    return float((outside <= HULL_SLACK_M).all(axis=1).mean())
 
 
 def facing_angles_deg(front: Points, ways: Points) -> Points:
-    """(N,) angles on the ground between a front (3,) and ways (N, 3), 0 to 180 degrees.
+    """(...) angles on the ground between fronts and ways, (..., 3) each, 0 to 180 degrees.
 
     NaN where either has no direction on the ground: it points up or down to a thousandth.
     """
@@ -39,8 +41,8 @@ def facing_angles_deg(front: Points, ways: Points) -> Points:
         np.hypot(d[..., 0], d[..., 1]) > _ON_GROUND * np.sqrt((d * d).sum(axis=-1))
         for d in (front, ways)
     ]
-    cross = front[0] * ways[:, 1] - front[1] * ways[:, 0]
-    along = front[0] * ways[:, 0] + front[1] * ways[:, 1]
+    cross = front[..., 0] * ways[..., 1] - front[..., 1] * ways[..., 0]
+    along = front[..., 0] * ways[..., 0] + front[..., 1] * ways[..., 1]
     angles = np.abs(np.degrees(np.arctan2(cross, along)))
     return np.where(on_ground[0] & on_ground[1], angles, np.nan)
 

@@ -43,17 +43,20 @@ _WHOLE: Final = 0.9
 #: How much farther the second nearest is, and at least in metres.
 _FARTHER: Final = 1.5
 _FARTHER_M: Final = 0.05
-#: Relations that are asked. Not `facing`: most things have no front that people agree on.
+#: Relations that are asked. Not `facing`: most things have no front that people agree on; nor
+#: `inside`: a pillow on a couch lies in its convex hull.
 ASKED: Final = (
-    "left_of", "right_of", "above", "below", "in_front_of", "behind", "on", "inside", "touching",
-    "near", "hides",
+    "left_of", "right_of", "above", "below", "in_front_of", "behind", "on", "touching", "near",
+    "hides",
 )  # fmt: skip
 _AXES: Final = (("left_of", "right_of"), ("in_front_of", "behind"))
-_CONTACTS: Final = ("on", "inside", "touching")
+_CONTACTS: Final = ("on", "touching")
+#: The margin of `inside` from which half of a thing is held.
+_HELD: Final = -0.45
 #: From which share of the picture's longer side a gap between boxes is seen.
 _SEEN_GAP: Final = 0.02
 #: Relations that single out one of several things.
-_SINGLE_OUT: Final = ("left_of", "right_of", "on", "inside")
+_SINGLE_OUT: Final = ("left_of", "right_of", "on")
 
 
 def make_questions(
@@ -310,17 +313,14 @@ def _gives_away(relation: str, name: Designator) -> bool:
 def _reads_well(base: FactBase, relation: str, a: int, b: int, *, holds: bool) -> bool:
     """Whether people would say so of the two.
 
-    What a bowl holds is in it, and rests on it. What does not touch is apart in the picture, too:
-    a gap that nobody sees is none.
+    What a bowl holds rests on it and is in it: neither is asked. What does not touch is apart in
+    the picture, too: a gap that nobody sees is none.
     """
     if not holds and relation in _CONTACTS:
         boxes = base.objects[a].bbox_xywh_px, base.objects[b].bbox_xywh_px
         gaps = [_box_gap(*boxes, axis) for axis in (0, 1)]
         return max(gaps) >= _SEEN_GAP * max(base.facts.size_wh)
-    inside = (base.margin("inside", a, b) or 0.0) > -0.45
-    if relation == "on":
-        return not inside
-    return relation != "inside" or (base.margin("on", a, b) or 0.0) > 0
+    return relation != "on" or (base.margin("inside", a, b) or 0.0) <= _HELD
 
 
 def _box_gap(one: Box, other: Box, axis: int) -> float:

@@ -10,6 +10,7 @@ import { linkItems } from "./links.js";
 import { describe, drawnItems } from "./outcomes.js";
 import { layerSwitches, paneChoices } from "./panes.js";
 import { here, moveTo, noteInAddress } from "./place.js";
+import { drawFirst, questionList } from "./relations.js";
 import { sceneChoices } from "./scene3d.js";
 import { DATA, LEFT_BEHIND, sectionOf, withView } from "./views.js";
 
@@ -106,9 +107,9 @@ function detailOf(section, view, place, beside = false) {
   });
   root.append(el("div", { class: "look" }, [stage.node, picked]),
     el("div", { class: "scores" }, scores), el("div", { class: "said" }, findings),
-    el("div", { class: "lists" + (section.bench ? " wide" : "") }, [...objects, ...view.sides.map((s) =>
+    el("div", { class: "lists" + (section.bench || view.questions ? " wide" : "") }, [view.questions ? questionList(view, root) : null, ...objects, ...view.sides.map((s) =>
       recordOf(s, section.bench ? "numbers, cameras, hashes" : "camera, sizes, hashes"))]));
-  return { root, links, frames: stage.frames, close: stage.close, ready: () => { stage.frames.resized(); markScrollers(root); } };
+  return { root, links, frames: stage.frames, close: stage.close, ready: () => { stage.frames.resized(); markScrollers(root); drawFirst(root); } };
 }
 
 const HINT = "Point at an outline, a row or a finding; click or press Enter to keep it. Ctrl + wheel, " +
@@ -180,7 +181,7 @@ function stageOf(section, view, items, links, place, note) {
   const layerKeys = LAYER_KEYS.filter((key) => key === "names" || (key === "object") === Boolean(section.bench));
   const paint = () => layerKeys.forEach((key) => grid.classList.toggle("no-" + key, !shown.has(key)));
   paint();
-  const layers = view.depth ? [] : [layerSwitches(items, shown, section.bench ? ["object"] : OUTLINED, (key, on) => {
+  const layers = view.depth || view.questions ? [] : [layerSwitches(items, shown, section.bench ? ["object"] : OUTLINED, (key, on) => {
     if (on) { shown.add(key); } else { shown.delete(key); }
     paint();
     const keys = layerKeys.filter((k) => shown.has(k));

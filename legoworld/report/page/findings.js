@@ -18,6 +18,9 @@ export function scoreLine(cell, n_truth, label) {
     parts.push(cell.tp + " of " + counted(n_truth, "object", "objects") + " detected, ",
       counted(cell.fp, "false positive", "false positives") + ", " + cell.fn + " missed; quality ",
       el("b", {}, [fixed(cell.quality)]));
+  } else if (cell.accuracy !== undefined) {
+    parts.push(cell.answered + " of " + counted(n_truth, "question", "questions") + " answered; accuracy ",
+      el("b", {}, [fixed(cell.accuracy)]));
   } else {
     parts.push("AbsRel ", el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1, 4) : "-"]),
       ", a constant " + fixed(cell.constant, 4) +

@@ -22,6 +22,7 @@ function quality(row, k) {
   if (!cell) { return null; }
   if (cell.valid !== undefined) { return cell.S === null ? cell.R : cell.S; }
   if (cell.quality !== undefined) { return cell.quality; }
+  if (cell.accuracy !== undefined) { return cell.accuracy; }
   return cell.abs_rel ? -cell.abs_rel.error_1 : null;
 }
 
@@ -55,7 +56,7 @@ export function orders(section) {
       found.push(["r" + k, "lowest R" + of, (r) => cell(r, k).R], ["a" + k, "lowest A" + of, (r) => cell(r, k).A]);
     } else if (depth) {
       found.push(["-hole" + k, "most holes" + of, (r) => cell(r, k).holes]);
-    } else {
+    } else if (section.family !== "relations") {
       found.push(["-fn" + k, "most missed" + of, (r) => cell(r, k).fn]);
       found.push(["-fp" + k, "most false positives" + of, (r) => cell(r, k).fp]);
     }
@@ -165,6 +166,8 @@ function markOf(cell, label) {
   if (cell.valid !== undefined) {
     parts.push(el("b", { title: "S" }, [fixed(cell.S, 2)]), ...cell.valid ? ["R", "A"].map((name) =>
       el("span", { class: "mark-n" }, [name + " " + fixed(cell[name], 2)])) : [el("b", { class: "flag" }, ["not valid"])]);
+  } else if (cell.accuracy !== undefined) {
+    parts.push(el("b", {}, [fixed(cell.accuracy, 2)]), " accuracy");
   } else if (cell.quality === undefined) {
     parts.push(el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1) : "-"]), " AbsRel");
   } else {

@@ -24,7 +24,8 @@ export function outlines(items, side, size) {
       svg("path", { class: "line", d: path }, [svg("title", {}, [describe(item)])]),
     ]);
   });
-  return svg("g", { class: "outlines" }, [...shapes, svg("g", { class: "tags" }, tags(mine, size))]);
+  return svg("g", { class: "outlines" }, [...shapes, svg("g", { class: "tags" }, tags(mine, size)),
+    svg("g", { class: "relation" })]);
 }
 
 /* Names that do not cover each other: what is missed first, then what is false. */
