@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     "Images the model was run on: ids or file names [default: every image of the track].",
     EXISTING_FILE,
 )
-@flag("--subset", "Ignore results of images outside the track.")
+@flag("--subset", "Ignore results of images, or answers to questions, outside the track.")
 @option("--space", "Depth: quantity in the arrays, where the files do not say.")
 @option(
     "--unit",
@@ -77,7 +77,7 @@ def import_command(
     out: Output,
     **declared: object,
 ) -> int:
-    """Import SOURCE, a results JSON or a folder of depth or normals, as a run.
+    """Import SOURCE, a results JSON, answers.jsonl, or a folder of depth or normals, as a run.
 
     Input that `legoworld evaluate` would refuse is refused here. Categories and photos are matched
     by name where the results contain names. Arrays mirror the track: <file_name without
@@ -93,6 +93,7 @@ def import_command(
           --unit m --intrinsics camera.json -o runs/depths
       legoworld baseline import dsine --task normals --track track.json \\
           --sign away_from_camera -o runs/dsine
+      legoworld baseline import answers.jsonl --task relations --track track.json -o runs/vlm
     """
     from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.baseline_import import images_run as read_images_run

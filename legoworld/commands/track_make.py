@@ -45,7 +45,11 @@ if TYPE_CHECKING:
 )
 @option("--scenes", "Take these scenes of ETH3D's layout only, separated by commas.")
 @option("--dataset", "Name of a depth dataset other than ETH3D.")
-@option("--photos", "Photos whose depth or normals in --truth have the same names.", required=False)
+@option(
+    "--photos",
+    "Photos whose depth or normals in --truth have the same names, or that statements are about.",
+    required=False,
+)
 @option("--space", "What the depth files hold, with --photos; written to their depth.toml.")
 @option("--unit", "m, mm, m/N, sun_rgbd or nyu_raw, with --photos; written to their depth.toml.")
 @option("--overwrite", "Replace an existing track file.")
@@ -69,6 +73,8 @@ def make_command(
     source. Depth: ETH3D's scenes that are present, another dataset in ETH3D's layout, or, with
     --photos, a folder of .npy, .npz, .pfm, .exr, .png, .pgm or .tiff files named like the photos.
     Normals: with --photos, a folder of .npy, .npz or .png files whose normals.toml states the sign.
+    Relations: a run of scenes, or with --photos the .jsonl of statements about them, as VSR has it;
+    the track carries the questions.
 
     \b
     Examples:

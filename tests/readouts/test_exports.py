@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from pycocotools import mask as coco_mask
+from readouts.quads import SQUARE, at, quads
 from strategies import id_pictures
 
 from legoworld.cards import load_card
@@ -53,6 +54,7 @@ def view_of(instance: np.ndarray, n: int) -> View:
     height, width = instance.shape
     area, extents = instance_extents(instance, n)
     return View(
+        snapshot=quads(("square", SQUARE, at(0, 0, 0))),
         size_wh=(width, height),
         projection=Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=100),
         surfaces=NOTHING,
@@ -228,12 +230,12 @@ def test_every_task_reads_out_what_its_card_says(tmp_path):
         assert reading.task is task
         assert task.name == name == reading.card.task
         payload = {"boxes": "bbox", "masks": "segmentation", "depth": None, "normals": None,
-                   "surface_and_render": None}  # fmt: skip
+                   "relations": None, "surface_and_render": None}  # fmt: skip
         payload = payload[reading.card.value("readout.reads")]
         if payload is None:
             assert reading.readout.exports is None
-            assert reading.vocabulary is None
-            assert reading.override_property is None
+            assert (reading.vocabulary is None) == (reading.override_property is None)
+            assert (reading.vocabulary is not None) == task.family.labelled
             continue
         image = AnsweredImage(
             image_id=1,

@@ -36,7 +36,7 @@ def merge(output: Path, *shards: Path) -> int:
     return cli.run(["merge", *map(str, shards), "-o", str(output)])
 
 
-@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d", "normals"])
+@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d", "normals", "relations"])
 def test_merged_shards_are_the_undivided_run(task, scenes: Path, tmp_path: Path):
     assert readout(scenes, tmp_path / "whole", task=task) == 1  # one scene has no camera
     shards = [tmp_path / f"shard{i}" for i in (1, 2, 3, 4)]

@@ -6,14 +6,16 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
+from legoworld.files import Json
 from legoworld.readouts.relation_kinds import RELATIONS, FactBase, describe
 from legoworld.records.relations import Answered, FactObject, Question
 
 #: Relations whose meaning depends on whose left, or front, it is.
 _OF_A_FRAME: Final = frozenset({"left_of", "right_of", "above", "below", "in_front_of", "behind"})
 _YES: Final = {"yes": True, "true": True, "no": False, "false": False}
+_LENGTH: Final = re.compile(r"([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)\s*(?:m|metres?|meters?)?")
 _UNKNOWN: Final = frozenset({"", "unknown", "none", "null", "n/a"})
 
 
@@ -41,7 +43,7 @@ def answer_by_facts(question: Question, base: FactBase) -> Reply:
         return Reply(None, str(error))
 
 
-def read_answer(question: Question, given: Any) -> Reply:
+def read_answer(question: Question, given: Json) -> Reply:
     """A given answer as the question's kind has it; a reason where it cannot be read so."""
     if given is None or (isinstance(given, str) and given.strip().casefold() in _UNKNOWN):
         return Reply(None, "no_answer")
@@ -148,14 +150,14 @@ _BY_KIND: Final[Mapping[str, Callable[[Question, FactBase], Answered]]] = {
 }
 
 
-def _read_yes_no(_question: Question, given: Any) -> bool | None:
+def _read_yes_no(_question: Question, given: Json) -> bool | None:
     if isinstance(given, bool):
         return given
     words = re.findall(r"[a-z]+", given.casefold()) if isinstance(given, str) else []
     return _YES.get(words[0]) if words else None
 
 
-def _read_choice(question: Question, given: Any) -> str | None:
+def _read_choice(question: Question, given: Json) -> str | None:
     if not isinstance(given, str):
         return None
     text = " ".join(given.casefold().strip(" .!").split()).removeprefix("the ")
@@ -163,31 +165,29 @@ def _read_choice(question: Question, given: Any) -> str | None:
     return options.get(text)
 
 
-def _read_number(_question: Question, given: Any) -> float | None:
+def _read_number(_question: Question, given: Json) -> float | None:
     if isinstance(given, str):
-        found = re.fullmatch(r"\s*([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)\s*(?:m|metres?|meters?)?\s*",
-                             given.casefold())  # fmt: skip
-        given = float(found[1]) if found else None
-    is_number = isinstance(given, int | float) and not isinstance(given, bool)
-    return float(given) if is_number and math.isfinite(given) else None
+        found = _LENGTH.fullmatch(given.casefold().strip())
+        return float(found[1]) if found else None
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        return None
+    return float(given) if math.isfinite(given) else None
 
 
-def _read_count(question: Question, given: Any) -> int | None:
+def _read_count(question: Question, given: Json) -> int | None:
     value = _read_number(question, given)
     return int(value) if value is not None and value == int(value) else None
 
 
-def _read_box(_question: Question, given: Any) -> Answered | None:
-    is_box = isinstance(given, list | tuple) and len(given) == 4
-    values = [_read_number(_question, v) for v in given] if is_box else [None]
-    numbers = [v for v in values if v is not None]
-    if len(numbers) < 4 or min(numbers[2:]) < 0:
+def _read_box(question: Question, given: Json) -> Answered | None:
+    numbers = [_read_number(question, v) for v in given] if isinstance(given, list | tuple) else []
+    x, y, w, h = numbers if len(numbers) == 4 else [None] * 4
+    if x is None or y is None or w is None or h is None or min(w, h) < 0:
         return None
-    x, y, w, h = numbers
     return (x, y, w, h)
 
 
-_READERS: Final[Mapping[str, Callable[[Question, Any], Answered | None]]] = {
+_READERS: Final[Mapping[str, Callable[[Question, Json], Answered | None]]] = {
     "yes_no": _read_yes_no,
     "choice": _read_choice,
     "count": _read_count,

@@ -140,15 +140,14 @@ def _verify(recorded: RecordedEvaluation) -> Iterator[Check]:
     evidence = cast("RelationsEvidence", recorded.evidence)
     yield agreement("metrics in the evidence", as_json(evidence.metrics), made["metrics"])
     if recorded.inputs_hold:
-        paths = {
+        found = {
             entry.role: find_input(recorded.folder, entry.path, recorded.root)
-            for entry in recorded.evidence.inputs
-            if entry.role in ("run", "truth")
+            for entry in reversed(recorded.evidence.inputs)
         }
-        run, truth = paths["run"], paths["truth"]
+        run, truth = found["run"], found["truth"]
         assert run is not None
         assert truth is not None
-        source = truth.parent if truth.name == RUN else truth
+        source = truth.parent if "truth_facts" in found else truth
         rows = [
             image.row
             for image in scored_images(_read_run(run.parent), read_truth(source, summary.task))

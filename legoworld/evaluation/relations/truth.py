@@ -16,7 +16,7 @@ from legoworld.evaluation.run import Run, read_family_run, read_rows
 from legoworld.files import sha256_of_file
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import UNSET, RecordError, decode, decode_lines
-from legoworld.records.folders.read_run import ROWS, RUN
+from legoworld.records.folders.read_run import ROWS
 from legoworld.records.relations import AnswerFile, Statement, TrueAnswer
 from legoworld.records.run_rows import RunRow
 from legoworld.tasks.shipped import RELATIONS
@@ -99,7 +99,7 @@ def read_answer_file(run: Run, row: RunRow) -> AnswerFile | None:
 def _truth_of_scenes(path: Path, vocabulary: Vocabulary) -> Truth:
     run = read_family_run(path, RELATIONS, "a run of relations")
     categories = [category.name for category in vocabulary.categories]
-    files, images = [("truth", path / RUN), ("truth_rows", path / ROWS)], {}
+    files, images = [("truth", path / ROWS)], {}
     for row in read_rows(run):
         answer, scene = read_answer_file(run, row), scene_name(row.file_name)
         made: list[TrueAnswer] = []
