@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from legoworld.comparison.family import ComparisonFamily, Measurer
 from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
 from legoworld.evaluation.bootstrap import weighted_sums
-from legoworld.evaluation.relations.summary import METRICS, ratios
+from legoworld.evaluation.relations.summary import METRICS, POLICIES, ratios, sums_of, values
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images
 from legoworld.records.evidence import ComparisonSettings
 from legoworld.records.relations import RelationsRow
 
-_POLICIES: Final = ("answers", "chance", "blind")
 _HEADLINE: Final = ("accuracy", "count_exact", "mra", "refer_50")
 
 
@@ -30,7 +29,7 @@ def _metrics(_task: str) -> list[Metric]:
             level=HEADLINE if policy == "answers" and name in _HEADLINE else TABLE,
         )
         for name, guessed in METRICS.items()
-        for policy in (_POLICIES if guessed else _POLICIES[:1])
+        for policy in (POLICIES if guessed else POLICIES[:1])
     ]
 
 
@@ -47,11 +46,12 @@ def _measurer(
         used = [row for row, keep in zip(rows, kept, strict=True) if keep]
         measures = {}
         for name, guessed in METRICS.items():
-            values = ratios(name, used, lambda column: column.sum(keepdims=True))[:, 0]
-            samples = ratios(name, used, lambda column: weighted_sums(draws.counts, column))
-            for k, policy in enumerate(_POLICIES if guessed else _POLICIES[:1]):
+            sums = sums_of(name, used)
+            whole = values(name, sums)
+            samples = ratios(name, sums, lambda column: weighted_sums(draws.counts, column))
+            for k, policy in enumerate(POLICIES if guessed else POLICIES[:1]):
                 measures[f"{name}.{policy}"] = Measure(
-                    value=float(values[k]),
+                    value=float(whole[k]),
                     samples=samples[k],
                     over={"images": len(used)},
                     extra={},

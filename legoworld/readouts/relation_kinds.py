@@ -147,6 +147,14 @@ class FactBase:
         """The row of two objects. KeyError for one that is not there, or for one with itself."""
         return self._row[min(a, b), max(a, b)]
 
+    def distance_m(self, a: int, b: int) -> float:
+        """Between the surfaces of two objects; where they are not measured, at least that far."""
+        return _distance(self.facts.pairs, self.pair(a, b))
+
+    def is_measured(self, a: int, b: int) -> bool:
+        """Whether the distance of two objects is that of their surfaces."""
+        return self.facts.pairs.surface_m[self.pair(a, b)] is not None
+
     def margin(self, relation: str, a: int, b: int) -> float | None:
         """How far (a, b) is from where the relation begins to hold, in its unit; None: unknown."""
         return RELATIONS[relation].margin(self.facts.pairs, self.pair(a, b), int(a > b))

@@ -33,7 +33,7 @@ class FactObject(Record, frozen=True, kw_only=True):
     category: str
     area_px: int
     bbox_xywh_px: tuple[int, int, int, int]
-    visible: float | None
+    visible: float
     centre_cam_m: Vector
     size_m: Vector
 
@@ -180,7 +180,7 @@ class RelationsView(Record, frozen=True, kw_only=True):
 
 
 class RelationsRow(EvaluationRow, frozen=True, kw_only=True):
-    """One image. sums: by metric and, of true or false, by relation; why: unanswered, by reason.
+    """One image. sums: by metric; by_relation: of accuracy; why: unanswered, by reason.
 
     n_true: questions with a true answer; n_answered: of these, those with a readable answer.
     """
@@ -214,17 +214,11 @@ class Metric(Record, frozen=True, kw_only=True):
     interval: Interval | None
 
 
-class RelationMetric(Metric, frozen=True, kw_only=True):
-    """The accuracy of one relation."""
-
-    relation: str
-
-
 class RelationsSummary(Summary, frozen=True, kw_only=True):
-    """Of relations. unanswered: questions by reason; contradictory: left out of every number."""
+    """Of relations. relations: the accuracy of each; unanswered: questions by reason."""
 
     metrics: dict[str, Metric]
-    relations: tuple[RelationMetric, ...]
+    relations: dict[str, Metric]
     unanswered: dict[str, int]
     contradictory: int
 

@@ -90,26 +90,22 @@ def _holds(question: Question, base: FactBase) -> bool:
 
 def _nearest(question: Question, base: FactBase) -> str:
     anchor = _one(base, question, "a")
-    found = [(name, base.named(name)) for name in question.options]
-    there = [(name, things[0].id) for name, things in found if len(things) == 1]
-    pairs = base.facts.pairs
-    apart = []
-    for name, b in there:
-        if b != anchor.id:
-            row = base.pair(anchor.id, b)
-            surface = pairs.surface_m[row]
-            apart.append((pairs.apart_m[row] if surface is None else surface, describe(name)))
-    if not apart:
-        raise _NoAnswerError("not_there")
-    return min(apart)[1]
+    return _least(
+        question, base, lambda b: math.inf if b == anchor.id else base.distance_m(anchor.id, b)
+    )
 
 
 def _closest(question: Question, base: FactBase) -> str:
+    return _least(question, base, lambda b: base.objects[b].centre_cam_m[2])
+
+
+def _least(question: Question, base: FactBase, of: Callable[[int], float]) -> str:
+    """The option with the least value, among those that name one thing."""
     found = [(name, base.named(name)) for name in question.options]
-    depths = [(t[0].centre_cam_m[2], describe(name)) for name, t in found if len(t) == 1]
-    if not depths:
+    values = [(of(things[0].id), describe(name)) for name, things in found if len(things) == 1]
+    if not values:
         raise _NoAnswerError("not_there")
-    return min(depths)[1]
+    return min(values)[1]
 
 
 def _distance(question: Question, base: FactBase) -> float:

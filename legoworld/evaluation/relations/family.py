@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, cast
@@ -15,12 +16,7 @@ from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Rec
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.relations.rows import scored_images
-from legoworld.evaluation.relations.summary import (
-    by_relation,
-    coverage,
-    metrics,
-    unanswered,
-)
+from legoworld.evaluation.relations.summary import METRICS, POLICIES, coverage, metrics
 from legoworld.evaluation.relations.truth import read_truth
 from legoworld.evaluation.run import Run, read_family_run, read_rows, run_view
 from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
@@ -36,7 +32,6 @@ from legoworld.records.folders.evaluation_folder import (
 from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.relations import RelationsEvidence, RelationsRow, RelationsSummary
-from legoworld.tables.table import Column, Table
 from legoworld.tasks.shipped import RELATIONS
 
 
@@ -60,9 +55,11 @@ def _summary(
         partial=partial,
         evaluator=Evaluator(name="legoworld", version=card.value("scoring.evaluator_version")),
         coverage=coverage(rows),
-        metrics=metrics(rows, draws, seed),
-        relations=by_relation(rows),
-        unanswered=unanswered(rows),
+        metrics=metrics([*METRICS], rows, draws, seed),
+        relations=metrics(
+            sorted({name for r in rows for name in r.by_relation}), rows, draws, seed
+        ),
+        unanswered=dict(sorted(sum((Counter(row.why) for row in rows), Counter()).items())),
         contradictory=sum(row.contradictory for row in rows),
     )
 
@@ -171,36 +168,27 @@ def _short(summary: RelationsSummary) -> str:
 
 
 def _metrics(summary: RelationsSummary) -> list[MetricPart]:
-    rows = [
-        MetricRow(
-            name=name,
-            policy=policy,
-            number=number(value, metric.interval if policy == "answers" else None),
-            over=plural(metric.n, "question", "questions"),
-        )
-        for name, metric in summary.metrics.items()
-        for policy, value in (
-            ("answers", metric.answers), ("chance", metric.chance), ("blind", metric.blind)
-        )
-        if policy == "answers" or value is not None
-    ]  # fmt: skip
-    return [MetricPart(title="Every metric", rows=rows)]
-
-
-def _tables(summary: RelationsSummary) -> list[Table]:
-    """The accuracy of each relation beside a guess and the prior."""
-    if not summary.relations:
-        return []
-    names = ("relation", "accuracy", "chance", "blind", "questions")
+    """Every metric, and the accuracy of each relation; a guess and the prior below the answers."""
+    parts = {"Every metric": summary.metrics, "Accuracy by relation": summary.relations}
     return [
-        Table(
-            title="True or false, and choices, by relation",
-            columns=tuple(Column(name=name) for name in names),
-            rows=tuple(
-                (m.relation, *(number(v).alone for v in (m.answers, m.chance, m.blind)), str(m.n))
-                for m in summary.relations
-            ),
+        MetricPart(
+            title=title,
+            rows=[
+                MetricRow(
+                    name=name,
+                    policy=policy,
+                    number=number(value, metric.interval if policy == "answers" else None),
+                    over=plural(metric.n, "question", "questions"),
+                )
+                for name, metric in found.items()
+                for policy, value in zip(
+                    POLICIES, (metric.answers, metric.chance, metric.blind), strict=True
+                )
+                if policy == "answers" or value is not None
+            ],
         )
+        for title, found in parts.items()
+        if found
     ]
 
 
@@ -220,7 +208,6 @@ EVALUATION: Final = EvaluationFamily(
     verify=_verify,
     short=_short,
     metrics=_metrics,
-    tables=_tables,
     notes=_notes,
     truth_is_file=False,
 )

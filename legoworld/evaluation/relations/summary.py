@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import interval, resample_counts, weighted_sums
 from legoworld.records.base import number
-from legoworld.records.evaluation_summary import Coverage, Interval
-from legoworld.records.relations import Metric, RelationMetric, RelationsRow, Sums
+from legoworld.records.evaluation_summary import Coverage
+from legoworld.records.relations import Metric, RelationsRow, Sums
 
 Floats = NDArray[np.float64]
 
@@ -27,70 +27,59 @@ METRICS: Final = {
     "mra": True,
     "refer_50": True,
 }
-_OF_SUMS: Final = {"chance_adjusted": "accuracy"}
+POLICIES: Final = ("answers", "chance", "blind")
+_NOTHING: Final = Sums(n=0, score=0.0, chance=0.0, blind=0.0)
 
 
-def ratios(name: str, rows: Sequence[RelationsRow], sum_up: Callable[[Floats], Floats]) -> Floats:
+def sums_of(name: str, rows: Sequence[RelationsRow]) -> list[Sums]:
+    """A metric's sums of each row; of a relation, those of its accuracy."""
+    known = "accuracy" if name == "chance_adjusted" else name
+    return [row.sums.get(known) or row.by_relation.get(known, _NOTHING) for row in rows]
+
+
+def ratios(name: str, of_rows: Sequence[Sums], sum_up: Callable[[Floats], Floats]) -> Floats:
     """(3, ...) a metric of the answers, a guess and the prior; NaN where nothing is asked.
 
     sum_up: sums over rows, (rows,), or over resampled rows.
     """
-    empty = Sums(n=0, score=0.0, chance=0.0, blind=0.0)
-    of_rows = [row.sums.get(_OF_SUMS.get(name, name), empty) for row in rows]
     columns = np.array([(s.n, s.score, s.chance, s.blind) for s in of_rows], np.float64)
     n, *sums = (sum_up(column) for column in columns.reshape(-1, 4).T)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.stack(sums) / n
-        if name in _OF_SUMS:  # how much of what a guess leaves is gained
+        if name == "chance_adjusted":  # how much of what a guess leaves is gained
             shares = (shares - shares[1]) / (1 - shares[1])
     return np.asarray(shares)
 
 
-def metrics(rows: Sequence[RelationsRow], draws: int, seed: int) -> dict[str, Metric]:
-    """Every metric that something was asked of, in display order."""
+def values(name: str, of_rows: Sequence[Sums]) -> Floats:
+    """(3,) a metric over all rows."""
+    return ratios(name, of_rows, lambda column: column.sum(keepdims=True))[:, 0]
+
+
+def metrics(
+    names: Sequence[str], rows: Sequence[RelationsRow], draws: int, seed: int
+) -> dict[str, Metric]:
+    """The metrics, or relations, of which something was asked."""
     counts = resample_counts(len(rows), draws, seed) if len(rows) > 1 else None
     found = {}
-    for name, guessed in METRICS.items():
-        values = ratios(name, rows, lambda column: column.sum(keepdims=True))[:, 0]
-        n = sum(row.sums[key].n for row in rows if (key := _OF_SUMS.get(name, name)) in row.sums)
-        if n:
-            found[name] = Metric(
-                n=n,
-                answers=number(values[0]),
-                chance=number(values[1]) if guessed else None,
-                blind=number(values[2]) if guessed else None,
-                interval=_interval(name, rows, counts),
-            )
-    return found
-
-
-def _interval(
-    name: str, rows: Sequence[RelationsRow], counts: NDArray[np.int32] | None
-) -> Interval | None:
-    if counts is None:
-        return None
-    samples = ratios(name, rows, lambda column: weighted_sums(counts, column))[0]
-    return interval(samples, unit="image")
-
-
-def by_relation(rows: Sequence[RelationsRow]) -> tuple[RelationMetric, ...]:
-    """The accuracy of each relation that is asked, by name."""
-    names = sorted({name for row in rows for name in row.by_relation})
-    found = []
     for name in names:
-        of_rows = [row.by_relation[name] for row in rows if name in row.by_relation]
-        n = sum(s.n for s in of_rows)
-        found.append(
-            RelationMetric(
-                relation=name,
-                n=n,
-                answers=sum(s.score for s in of_rows) / n,
-                chance=sum(s.chance for s in of_rows) / n,
-                blind=sum(s.blind for s in of_rows) / n,
-                interval=None,
-            )
+        of_rows = sums_of(name, rows)
+        answers, chance, blind = map(number, values(name, of_rows).tolist())
+        guessed, n = METRICS.get(name, True), sum(s.n for s in of_rows)
+        if not n:
+            continue
+        around = None
+        if counts is not None:
+            drawn = ratios(name, of_rows, lambda column: weighted_sums(counts, column))[0]
+            around = interval(drawn, unit="image")
+        found[name] = Metric(
+            n=n,
+            answers=answers,
+            chance=chance if guessed else None,
+            blind=blind if guessed else None,
+            interval=around,
         )
-    return tuple(found)
+    return found
 
 
 def coverage(rows: Sequence[RelationsRow]) -> Coverage:
@@ -101,11 +90,3 @@ def coverage(rows: Sequence[RelationsRow]) -> Coverage:
         with_truth=sum(row.has_truth for row in rows),
         by_status=dict(sorted(Counter(row.status for row in rows).items())),
     )
-
-
-def unanswered(rows: Sequence[RelationsRow]) -> dict[str, int]:
-    """Questions without an answer, by the reason."""
-    total: Counter[str] = Counter()
-    for row in rows:
-        total.update(row.why)
-    return dict(sorted(total.items()))

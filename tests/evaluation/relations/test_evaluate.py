@@ -86,7 +86,7 @@ def test_every_table_has_a_row_of_a_guess_and_of_the_prior(truth, tmp_path, caps
     assert "chance 0.4" in capsys.readouterr().out
     assert call("evaluate", truth, "--truth", truth, "-o", tmp_path / "v", "-v") == 0
     printed = capsys.readouterr().out
-    assert "by relation" in printed
+    assert "Accuracy by relation" in printed
     rows = [line.split()[:2] for line in printed.splitlines() if line.startswith("accuracy ")]
     assert rows[-3:] == [["accuracy", p] for p in ("answers", "chance", "blind")]
 
