@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -17,8 +17,39 @@ HIDES: Final = 0.02
 FACING_DEG: Final = 45.0
 
 
-#: A margin of the pair in row k; turned: 1 where it is asked of (b, a), else 0.
-Margin = Callable[[FactPairs, int, int], float | None]
+@dataclass(frozen=True)
+class Pair:
+    """The facts of (a, b): row k of the columns, turned around where that is of (b, a)."""
+
+    pairs: FactPairs
+    k: int
+    turned: bool
+
+    def signed(self, column: str) -> float:
+        """A column that is below 0 where the relation holds of (b, a)."""
+        value: float = getattr(self.pairs, column)[self.k]
+        return (-value if self.turned else value) + 0.0  # no -0.0
+
+    def towards(self, name: str, unit: str = "") -> float | None:
+        """A fact of a towards b, such as the angle of "angle_ab_deg"."""
+        column = f"{name}_{'ba' if self.turned else 'ab'}{unit}"
+        value: float | None = getattr(self.pairs, column)[self.k]
+        return value
+
+    @property
+    def reversed(self) -> Pair:
+        """The same of (b, a)."""
+        return Pair(self.pairs, self.k, not self.turned)
+
+    @property
+    def surface_m(self) -> float | None:
+        """Between their surfaces, where that is measured."""
+        return self.pairs.surface_m[self.k]
+
+    @property
+    def distance_m(self) -> float:
+        """Between their surfaces; where only their boxes are known, at least as far."""
+        return self.pairs.apart_m[self.k] if self.surface_m is None else self.surface_m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,94 +60,68 @@ class Relation:
     as in "is the cup ... the plate".
     """
 
-    margin: Margin
+    margin: Callable[[Pair], float | None]
     unit: str
     yes: float
     no: float
     phrase: str
 
 
-def _across(column: str, sign: int, phrase: str) -> Relation:
-    def margin(pairs: FactPairs, k: int, turned: int) -> float:
-        value: float = getattr(pairs, column)[k]
-        return sign * (1 - 2 * turned) * value + 0.0
-
-    return Relation(margin=margin, unit="m", yes=0.05, no=0.05, phrase=phrase)
+def _over(value: float | None, least: float) -> float | None:
+    return None if value is None else value - least
 
 
-def _distance(pairs: FactPairs, k: int) -> float:
-    """Of the surfaces; where only their boxes are known, at least as far."""
-    surface = pairs.surface_m[k]
-    return pairs.apart_m[k] if surface is None else surface
+def _on(pair: Pair) -> float:
+    gap = pair.towards("gap", "_m")
+    return min(0.0, TOUCH_M - pair.distance_m) if gap is None else TOUCH_M - abs(gap)
 
 
-def _on(pairs: FactPairs, k: int, turned: int) -> float:
-    gap = (pairs.gap_ab_m, pairs.gap_ba_m)[turned][k]
-    return min(0.0, TOUCH_M - _distance(pairs, k)) if gap is None else TOUCH_M - abs(gap)
+def _near(pair: Pair) -> float:
+    near_m = pair.pairs.near_m[pair.k]
+    return 1 - pair.distance_m / near_m if near_m else 0.0
 
 
-def _near(pairs: FactPairs, k: int, _turned: int) -> float:
-    return 1 - _distance(pairs, k) / pairs.near_m[k] if pairs.near_m[k] else 0.0
-
-
-def _inside(pairs: FactPairs, k: int, turned: int) -> float | None:
-    share = (pairs.inside_ab, pairs.inside_ba)[turned][k]
-    return None if share is None else share - INSIDE
-
-
-def _facing(pairs: FactPairs, k: int, turned: int) -> float | None:
-    angle = (pairs.angle_ab_deg, pairs.angle_ba_deg)[turned][k]
+def _facing(pair: Pair) -> float | None:
+    angle = pair.towards("angle", "_deg")
     return None if angle is None else FACING_DEG - angle
 
 
-def _facing_away(pairs: FactPairs, k: int, turned: int) -> float | None:
-    margin = _facing(pairs, k, turned)
-    return None if margin is None else 2 * FACING_DEG - 180 - margin
+def _relations() -> Iterator[tuple[str, Relation]]:
+    """Every relation by name, and the inverse where it has a word."""
+    degrees, metres, share, size = "degrees", "m", "share", "of near_m"
+    for name, phrase, inverse, phrase_of_inverse, unit, yes, no, margin in (
+        ("left_of", "to the left of", "right_of", "to the right of",
+         metres, 0.05, 0.05, lambda p: p.signed("left_m")),
+        ("above", "higher up in the picture than", "below", "lower down in the picture than",
+         metres, 0.05, 0.05, lambda p: p.signed("above_m")),
+        ("in_front_of", "in front of", "behind", "behind",
+         metres, 0.05, 0.05, lambda p: p.signed("front_m")),
+        ("on", "resting on", "supports", "supporting", metres, 0.005, 0.04, _on),
+        ("inside", "inside", "contains", "around",
+         share, 0.04, 0.45, lambda p: _over(p.towards("inside"), INSIDE)),
+        ("under", "straight below", "over", "straight above",
+         metres, 0.06, 0.06, lambda p: p.towards("under", "_m")),
+        ("touching", "touching", "", "", metres, 0.005, 0.04, lambda p: TOUCH_M - p.distance_m),
+        ("near", "close to", "", "", size, 0.5, 1.0, _near),
+        ("far_from", "far from", "", "", size, 1.0, 0.5, lambda p: -_near(p)),
+        ("facing", "facing", "", "", degrees, 15.0, 45.0, _facing),
+        ("facing_away", "facing away from", "", "", degrees, 15.0, 45.0,
+         lambda p: _over(p.towards("angle", "_deg"), 180 - FACING_DEG)),
+        ("hidden_by", "partly hidden by", "hides", "partly hiding",
+         share, 0.08, 0.02, lambda p: _over(p.towards("hidden"), HIDES)),
+    ):  # fmt: skip
+        relation = Relation(margin=margin, unit=unit, yes=yes, no=no, phrase=phrase)
+        yield name, relation
+        if inverse:
+            turned = _of_reversed(margin)
+            yield inverse, replace(relation, margin=turned, phrase=phrase_of_inverse)
 
 
-def _hides(pairs: FactPairs, k: int, turned: int) -> float:
-    return (pairs.hidden_ba, pairs.hidden_ab)[turned][k] - HIDES
+def _of_reversed(margin: Callable[[Pair], float | None]) -> Callable[[Pair], float | None]:
+    return lambda pair: margin(pair.reversed)
 
 
-def _under(pairs: FactPairs, k: int, turned: int) -> float:
-    return (pairs.under_ab_m, pairs.under_ba_m)[turned][k]
-
-
-def _touching(pairs: FactPairs, k: int, _turned: int) -> float:
-    return TOUCH_M - _distance(pairs, k)
-
-
-def _of_turned(margin: Margin) -> Margin:
-    return lambda pairs, k, turned: margin(pairs, k, 1 - turned)
-
-
-def _relation(margin: Margin, unit: str, yes: float, no: float, phrase: str) -> Relation:
-    return Relation(margin=margin, unit=unit, yes=yes, no=no, phrase=phrase)
-
-
-RELATIONS: Final[Mapping[str, Relation]] = {
-    "left_of": _across("left_m", 1, "to the left of"),
-    "right_of": _across("left_m", -1, "to the right of"),
-    "above": _across("above_m", 1, "higher up in the picture than"),
-    "below": _across("above_m", -1, "lower down in the picture than"),
-    "in_front_of": _across("front_m", 1, "in front of"),
-    "behind": _across("front_m", -1, "behind"),
-    "on": _relation(_on, "m", 0.005, 0.04, "resting on"),
-    "supports": _relation(_of_turned(_on), "m", 0.005, 0.04, "supporting"),
-    "inside": _relation(_inside, "share", 0.04, 0.45, "inside"),
-    "contains": _relation(_of_turned(_inside), "share", 0.04, 0.45, "around"),
-    "under": _relation(_under, "m", 0.06, 0.06, "straight below"),
-    "over": _relation(_of_turned(_under), "m", 0.06, 0.06, "straight above"),
-    "touching": _relation(_touching, "m", 0.005, 0.04, "touching"),
-    "near": _relation(_near, "of near_m", 0.5, 1.0, "close to"),
-    "far_from": _relation(
-        lambda pairs, k, turned: -_near(pairs, k, turned), "of near_m", 1.0, 0.5, "far from"
-    ),
-    "facing": _relation(_facing, "degrees", 15.0, 45.0, "facing"),
-    "facing_away": _relation(_facing_away, "degrees", 15.0, 45.0, "facing away from"),
-    "hides": _relation(_hides, "share", 0.08, 0.02, "partly hiding"),
-    "hidden_by": _relation(_of_turned(_hides), "share", 0.08, 0.02, "partly hidden by"),
-}
+RELATIONS: Final[Mapping[str, Relation]] = dict(_relations())
 
 #: Superlatives that name one of several: the relation it has to all others of its category.
 WHICH: Final[Mapping[Which, str]] = {
@@ -143,21 +148,13 @@ class FactBase:
         pairs = self.facts.pairs
         return {pair: k for k, pair in enumerate(zip(pairs.a, pairs.b, strict=True))}
 
-    def pair(self, a: int, b: int) -> int:
-        """The row of two objects. KeyError for one that is not there, or for one with itself."""
-        return self._row[min(a, b), max(a, b)]
-
-    def distance_m(self, a: int, b: int) -> float:
-        """Between the surfaces of two objects; where they are not measured, at least that far."""
-        return _distance(self.facts.pairs, self.pair(a, b))
-
-    def is_measured(self, a: int, b: int) -> bool:
-        """Whether the distance of two objects is that of their surfaces."""
-        return self.facts.pairs.surface_m[self.pair(a, b)] is not None
+    def pair(self, a: int, b: int) -> Pair:
+        """The facts of (a, b). KeyError for one that is not there, or for one with itself."""
+        return Pair(self.facts.pairs, self._row[min(a, b), max(a, b)], a > b)
 
     def margin(self, relation: str, a: int, b: int) -> float | None:
         """How far (a, b) is from where the relation begins to hold, in its unit; None: unknown."""
-        return RELATIONS[relation].margin(self.facts.pairs, self.pair(a, b), int(a > b))
+        return RELATIONS[relation].margin(self.pair(a, b))
 
     def asked(self, relation: str, a: int, b: int) -> bool | None:
         """Whether the relation holds, where the margin is beyond the slack; None elsewhere."""

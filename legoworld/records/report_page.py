@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.relations import ShownQuestion
 
 #: (name, text) lines.
 Facts = tuple[tuple[str, str], ...]
@@ -155,20 +156,10 @@ class DepthPageView(PageView, frozen=True, kw_only=True):
     depth: DepthDrawing | None
 
 
-class PageQuestion(Record, frozen=True, kw_only=True):
-    """A question about a photo. answers, scores: of each side; boxes: of the things it names."""
-
-    text: str
-    truth: str
-    answers: tuple[str, ...]
-    scores: tuple[float | None, ...]
-    boxes: tuple[tuple[int | float, int | float, int | float, int | float], ...]
-
-
 class RelationsPageView(PageView, frozen=True, kw_only=True):
-    """A photo of relations."""
+    """A photo of relations. questions: of each side, in one order."""
 
-    questions: tuple[PageQuestion, ...]
+    questions: tuple[tuple[ShownQuestion, ...], ...]
 
 
 class PhotoCell(Record, frozen=True, kw_only=True):

@@ -12,7 +12,6 @@ from legoworld.records.relations import RelationsRow, RelationsView, ShownQuesti
 from legoworld.records.report_page import (
     Advice,
     Answer,
-    PageQuestion,
     PhotoRow,
     RelationsCell,
     RelationsPageView,
@@ -71,16 +70,7 @@ def _view(
             _answer(side, row, asked, document)
             for side, row, asked in zip(section.sides, rows, questions, strict=True)
         ),
-        questions=tuple(
-            PageQuestion(
-                text=of_sides[0].text,
-                truth=of_sides[0].truth,
-                answers=tuple(q.answer for q in of_sides),
-                scores=tuple(q.score for q in of_sides),
-                boxes=next((q.boxes for q in of_sides if q.boxes), ()),
-            )
-            for of_sides in zip(*questions, strict=True)
-        ),
+        questions=tuple(map(tuple, questions)),
     )
 
 

@@ -91,7 +91,7 @@ def _holds(question: Question, base: FactBase) -> bool:
 def _nearest(question: Question, base: FactBase) -> str:
     anchor = _one(base, question, "a")
     return _least(
-        question, base, lambda b: math.inf if b == anchor.id else base.distance_m(anchor.id, b)
+        question, base, lambda b: math.inf if b == anchor.id else base.pair(anchor.id, b).distance_m
     )
 
 
@@ -112,7 +112,7 @@ def _distance(question: Question, base: FactBase) -> float:
     a, b = _one(base, question, "a"), _one(base, question, "b")
     if a.id == b.id:
         raise _NoAnswerError("ambiguous")
-    return base.facts.pairs.centre_m[base.pair(a.id, b.id)]
+    return base.facts.pairs.centre_m[base.pair(a.id, b.id).k]
 
 
 def _refer(question: Question, base: FactBase) -> Answered:

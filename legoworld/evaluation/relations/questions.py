@@ -177,8 +177,8 @@ class _Asker:
     def nearest(self) -> Iterator[TrueAnswer]:
         """Which of several things is nearest to another."""
         for a, name in self.names.items():
-            others = sorted((self.base.distance_m(a, b), b) for b in self.names if b != a)
-            if len(others) < OPTIONS or not self.base.is_measured(a, others[0][1]):
+            others = sorted((self.base.pair(a, b).distance_m, b) for b in self.names if b != a)
+            if len(others) < OPTIONS or self.base.pair(a, others[0][1]).surface_m is None:
                 continue
             least, best = others[0]
             if others[1][0] >= least * _FARTHER + _FARTHER_M:

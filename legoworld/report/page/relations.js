@@ -20,16 +20,19 @@ function verdict(score) {
 
 /* Every question with what each side answered, the wrong ones first. */
 export function questionList(view, root) {
-  const asked = view.questions.map((q, i) => ({ q, i }));
-  asked.sort((a, b) => (a.q.scores[0] ?? 2) - (b.q.scores[0] ?? 2) || a.i - b.i);
-  const rows = asked.map(({ q }) => el("tr", {}, [
-    el("th", { scope: "row" }, [el("button", { type: "button", class: "pick question", disabled: !q.boxes.length,
-      onclick: (event) => {
-        root.querySelectorAll(".pick.question").forEach((b) => b.classList.toggle("pinned", b === event.currentTarget));
-        drawQuestion(root, q);
-      } }, [q.text])]),
-    el("td", {}, [q.truth]),
-    ...q.answers.map((answer, k) => el("td", { class: q.scores[k] === 0 ? "flag" : null }, [answer + " (" + verdict(q.scores[k]) + ")"]))]));
+  const asked = view.questions[0].map((_, i) => view.questions.map((side) => side[i]));
+  asked.sort((a, b) => (a[0].score ?? 2) - (b[0].score ?? 2));
+  const rows = asked.map((of) => {
+    const drawn = of.find((q) => q.boxes.length);
+    return el("tr", {}, [
+      el("th", { scope: "row" }, [el("button", { type: "button", class: "pick question", disabled: !drawn,
+        onclick: (event) => {
+          root.querySelectorAll(".pick.question").forEach((b) => b.classList.toggle("pinned", b === event.currentTarget));
+          drawQuestion(root, drawn);
+        } }, [of[0].text])]),
+      el("td", {}, [of[0].truth]),
+      ...of.map((q) => el("td", { class: q.score === 0 ? "flag" : null }, [q.answer + " (" + verdict(q.score) + ")"]))]);
+  });
   const head = ["question", "ground truth", ...view.sides.map((s) => s.label)];
   return el("div", { class: "questions" }, [el("h3", {}, ["Questions: choose one to see its things"]),
     scroller(el("table", {}, [el("thead", {}, [el("tr", {}, head.map((text) => el("th", { scope: "col" }, [text])))]),
