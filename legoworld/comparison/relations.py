@@ -26,7 +26,7 @@ def _metrics(_task: str) -> list[Metric]:
             id=f"{name}.{policy}",
             policy=policy,
             better="lower" if name == "count_error" else "higher",
-            level=HEADLINE if policy == "answers" and name in _HEADLINE else TABLE,
+            level=HEADLINE if name in _HEADLINE else TABLE,
         )
         for name, guessed in METRICS.items()
         for policy in (POLICIES if guessed else POLICIES[:1])

@@ -7,6 +7,7 @@ are near each other: the others have the distance of their boxes as a bound.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +16,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld import extras
+from legoworld.errors import InstallationError
 from legoworld.records.relations import FactObject, FactPairs, Facts
-from legoworld.scene.affine import transform_points
+from legoworld.scene.affine import cam_from_mesh, transform_points
 from legoworld.scene.instances import Instance
-from legoworld.solids.distance import Solid, surface_distance_m
+from legoworld.scene.snapshot import Snapshot
 from legoworld.solids.hulls import HULL_SLACK_M, facing_angles_deg, share_inside
+from legoworld.solids.meshes import solid_of
+from legoworld.solids.solid import Solid
 from legoworld.solids.support import rest_on
 from legoworld.visibility.layers import HiddenPixels, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.view import View
@@ -39,7 +44,7 @@ class _Things:
 
     instances: Sequence[Instance]
     solids: Sequence[Solid]
-    fronts: Sequence[Floats | None]
+    fronts: Floats
     cam_low: Floats
     cam_high: Floats
     low: Floats
@@ -57,7 +62,17 @@ def relation_facts(
     most: int = MOST_OBJECTS,
     threads: int | None = None,
 ) -> Facts:
-    """The facts of the labelled instances with a visible pixel, at most the `most` largest."""
+    """The facts of the labelled instances with a visible pixel, at most the `most` largest.
+
+    InstallationError without python-fcl.
+    """
+    if importlib.util.find_spec("fcl") is None:
+        raise InstallationError(
+            "relations are measured with python-fcl, which is not installed",
+            found="no module fcl",
+            expected="the optional package python-fcl",
+            next_step=extras.install_command("plugin"),
+        )
     shown = [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
     largest = sorted(shown, key=lambda i: (-int(view.area_px[i.id]), i.id))[:most]
     kept = sorted(largest, key=lambda i: i.id)
@@ -79,39 +94,34 @@ def relation_facts(
 
 
 def _things(view: View, instances: Sequence[Instance]) -> _Things:
-    shot, surfaces, scale = view.snapshot, view.surfaces, view.depth_scale
-    order = np.argsort(surfaces.placement_id, kind="stable")
-    sorted_ids = surfaces.placement_id[order]
-    ids = [i.id for i in instances]
-    starts, ends = (np.searchsorted(sorted_ids, ids, side=s).tolist() for s in ("left", "right"))
-    solids: list[Solid] = []
-    fronts: list[Floats | None] = []
+    shot, camera = view.snapshot, view.snapshot.camera
+    (cam_from_world,) = cam_from_mesh(camera, np.eye(3, 4)[None])
+    cam_from_world[:, 3] *= view.depth_scale
+    order = np.argsort(view.surfaces.placement_id, kind="stable")
+    ids = view.surfaces.placement_id[order]
+    solids, fronts = [], []
     boxes = np.zeros((4, len(instances), 3))
-    for n, (instance, start, end) in enumerate(zip(instances, starts, ends, strict=True)):
-        points, cam_points, triangles, count = [], [], [], 0
-        front = None
-        for surface in order[start:end].tolist():
-            mesh = int(shot.surface_mesh[surface])
-            vertices = shot.vertices[slice(*shot.vertex_start[mesh : mesh + 2].tolist())]
-            own = vertices.astype(np.float64)
-            world = shot.world_from_mesh[surface]
-            points.append(transform_points(world, own) * scale)
-            cam_points.append(transform_points(surfaces.cam_from_mesh[surface], own) * scale)
-            faces = shot.triangles[slice(*shot.triangle_start[mesh : mesh + 2].tolist())]
-            triangles.append(faces.astype(np.int64) + count)
-            count += len(own)
-            shown = shot.occurrence_object[shot.surface_occurrence[surface]]
-            if front is None and shot.objects[shown].name == instance.name:
-                front = -world[:, 1]
-        of_world, of_camera = np.concatenate(points), np.concatenate(cam_points)
-        solids.append(Solid(points=of_world, triangles=np.concatenate(triangles)))
-        fronts.append(front)
-        boxes[:, n] = (of_camera.min(0), of_camera.max(0), of_world.min(0), of_world.max(0))
+    for n, instance in enumerate(instances):
+        surfaces = order[slice(*np.searchsorted(ids, [instance.id, instance.id + 1]))].tolist()
+        solid = solid_of(shot, surfaces)
+        seen = transform_points(cam_from_world, solid.points)
+        solids.append(solid)
+        fronts.append(_front(shot, surfaces, instance.name))
+        boxes[:, n] = (seen.min(0), seen.max(0), solid.points.min(0), solid.points.max(0))
     cam_low, cam_high, low, high = boxes
     return _Things(
-        instances=instances, solids=solids, fronts=fronts,
+        instances=instances, solids=solids, fronts=np.array(fronts).reshape(-1, 3),
         cam_low=cam_low, cam_high=cam_high, low=low, high=high,
     )  # fmt: skip
+
+
+def _front(shot: Snapshot, surfaces: Sequence[int], name: str) -> Floats:
+    """(3,) the -Y axis of the labelled object's own surface; NaN where it has none."""
+    for surface in surfaces:
+        shown = shot.occurrence_object[shot.surface_occurrence[surface]]
+        if shot.objects[shown].name == name:
+            return np.asarray(-shot.world_from_mesh[surface][:, 1])
+    return np.full(3, math.nan)
 
 
 def _objects(view: View, things: _Things, areas: NDArray[np.int64]) -> tuple[FactObject, ...]:
@@ -189,7 +199,7 @@ def _contacts(things: _Things, apart: Floats, near: Floats) -> tuple[Floats, Flo
     surface, rest, inside = np.full((n, n), np.nan), np.full((n, n), np.nan), np.zeros((n, n))
     for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
         one, two = things.solids[a], things.solids[b]
-        surface[a, b] = surface_distance_m(one, two)
+        surface[a, b] = one.distance_m(two)
         if surface[a, b] <= TOUCH_M:
             rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
         if apart[a, b] == 0:
@@ -268,10 +278,8 @@ def _inside(inner: Solid, outer: Solid) -> float:
 
 def _angles(things: _Things) -> Floats:
     """(n, n) angles between a's front and the way to b; NaN where it has none."""
-    none = np.full(3, math.nan)
-    fronts = np.array([none if front is None else front for front in things.fronts])
     middle = things.middle
-    return facing_angles_deg(fronts.reshape(-1, 1, 3), middle[None] - middle[:, None])
+    return facing_angles_deg(things.fronts[:, None], middle[None] - middle[:, None])
 
 
 def _norm(vectors: Floats) -> Floats:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from legoworld.scene.affine import transform_points
 from legoworld.scene.snapshot import Snapshot
+from legoworld.solids.solid import Solid
 
 Points = NDArray[np.float64]
-Triangles = NDArray[np.float64]
 
 
 def surface_points_m(snapshot: Snapshot, surface: int) -> Points:
@@ -22,14 +22,16 @@ def surface_points_m(snapshot: Snapshot, surface: int) -> Points:
     return world * snapshot.render.unit_scale
 
 
-def triangles_m(snapshot: Snapshot, surfaces: Sequence[int]) -> Triangles:
-    """(T, 3, 3) corners of the triangles of some surfaces in the world."""
-    parts = [np.empty((0, 3, 3), np.float64)]
+def solid_of(snapshot: Snapshot, surfaces: Sequence[int]) -> Solid:
+    """Some surfaces of the world as one solid."""
+    points, triangles, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
     for surface in surfaces:
         mesh = int(snapshot.surface_mesh[surface])
-        triangles = snapshot.triangles[slice(*snapshot.triangle_start[mesh : mesh + 2].tolist())]
-        parts.append(surface_points_m(snapshot, surface)[triangles])
-    return np.concatenate(parts)
+        own = snapshot.triangles[slice(*snapshot.triangle_start[mesh : mesh + 2].tolist())]
+        triangles.append(own.astype(np.int64) + count)
+        points.append(surface_points_m(snapshot, surface))
+        count += len(points[-1])
+    return Solid(points=np.concatenate(points), triangles=np.concatenate(triangles))
 
 
 def own_front(snapshot: Snapshot, index: int) -> Points | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from readouts.cubes import seen
 from scene.by_hand import CAMERA
 
+from legoworld.errors import InstallationError
 from legoworld.plugin.measure_world import InTheWorld
 from legoworld.readouts.family import AnsweredImage
 from legoworld.readouts.relation_facts import relation_facts
@@ -120,6 +122,12 @@ def test_superlatives_and_numbers_of_things():
     assert len(facts.named(Designator(category="cup"))) == 3
     assert facts.named(Designator(category="plate", which="leftmost"))[0].id == 3
     assert facts.named(Designator(category="fork")) == []
+
+
+def test_without_fcl_the_run_stops_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "fcl", None)
+    with pytest.raises(InstallationError, match="pip install .*python-fcl"):
+        base(("cup", (0, 0, 5), 1))
 
 
 def test_the_file_holds_the_facts_and_names_what_is_left_out(tmp_path, monkeypatch):

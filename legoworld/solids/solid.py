@@ -1,4 +1,4 @@
-"""Solids in the world, and how far apart their surfaces are. Metres, float64."""
+"""A solid: points and triangles in the world, with what is made of them once. Metres, float64."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import fcl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,10 +18,7 @@ Triangles = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Solid:
-    """One thing in the world, with what is made of it once.
-
-    points: (N, 3) its vertices, metres; triangles: (T, 3) into them.
-    """
+    """One thing in the world. points: (N, 3) its vertices; triangles: (T, 3) into them."""
 
     points: Points
     triangles: NDArray[np.int64]
@@ -42,10 +38,11 @@ class Solid:
         """The planes of its convex hull, as `hull_planes` has them."""
         return hull_planes(self.points)
 
+    def distance_m(self, other: Solid) -> float:
+        """The least distance between the surfaces of two solids: 0 where they meet.
 
-def surface_distance_m(first: Solid, second: Solid) -> float:
-    """The least distance between the surfaces of two solids: 0 where they meet.
+        Also where one lies inside the other: the way from its surface to the other's.
+        """
+        import fcl
 
-    Also where one lies inside the other: the way from its surface to the other's.
-    """
-    return max(0.0, float(fcl.distance(first.model, second.model)))
+        return max(0.0, float(fcl.distance(self.model, other.model)))
