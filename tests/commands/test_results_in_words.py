@@ -31,7 +31,7 @@ from legoworld.records.report_page import Advice
 from legoworld.records.run_file import RunCoverage, RunSummary, ValidityCounts
 from legoworld.records.run_rows import RunRow
 from legoworld.running.source_comparison import Pair
-from legoworld.tables.table import table
+from legoworld.tables.table import Column, Table, table
 
 
 def entry(number: int, area_px: int = 0, **said: Any) -> InstanceRow:
@@ -137,7 +137,7 @@ def test_the_instances_of_a_scene_in_words(tmp_path: Path, capsys: Any) -> None:
         instances=entries, size_wh=(64, 48), n_triangles=12, outside_vocabulary={"mugg": 2},
         nearest={"mugg": ("mug",)}, not_rendered=(("Empty", "cup"),), warnings=("odd",),
         camera=SimpleNamespace(name="Camera", type="PERSP", lens_mm=35.0),
-        render=SimpleNamespace(unit_scale=0.01, frame=7),
+        render=SimpleNamespace(unit_scale=0.01, frame=7), task_table=None,
     )  # fmt: skip
     Output(quiet=False, verbose=False).show(
         {}, inspect_command._lines(view, tmp_path, Output(quiet=False, verbose=False))
@@ -166,6 +166,12 @@ def test_the_instances_of_a_scene_in_words(tmp_path: Path, capsys: Any) -> None:
     assert said.err == ""
     assert "more (-v" not in said.out
     assert "-> " not in said.out
+    rows = tuple((f"{k} cup", "left_of") for k in range(41))
+    columns = (Column(name="instance"), Column(name="relation"))
+    view.task_table = Table(title="Relations", columns=columns, rows=rows)
+    shown = "\n".join(inspect_command._lines(view, None, Output()))  # type: ignore[arg-type]
+    assert "\nRelations\ninstance  relation\n" in shown
+    assert "39 cup    left_of\n... and 1 more (-v lists them)\n" in shown
 
 
 def score(status: str = "ok", advice: int = 0, **said: Any) -> Any:

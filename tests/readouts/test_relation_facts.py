@@ -114,6 +114,18 @@ def test_the_largest_objects_are_kept_and_the_others_counted():
     assert 6 in {thing.id for thing in facts.objects}
 
 
+def test_ten_thousand_objects_are_bounded_to_the_largest_hundred():
+    random = np.random.default_rng(0)
+    xyz = random.uniform((-4, -3, 5), (4, 3, 60), (10_000, 3))
+    view, instances = seen(*(("cup", tuple(place), 0.15) for place in xyz), size=(640, 480))
+    facts = relation_facts(view, instances)
+    visible = int((view.area_px > 0).sum())
+    assert (len(facts.objects), len(facts.pairs.a)) == (100, 4950)
+    assert facts.left_out == visible - 100 > 1000
+    smallest = min(thing.area_px for thing in facts.objects)
+    assert smallest >= np.sort(view.area_px)[-100]
+
+
 def test_superlatives_and_numbers_of_things():
     facts = base(*(("cup", (x, 0, 6 + x), 0.5) for x in (-2, 0, 2)), ("plate", (0, 1, 6), 0.5))
     for which, number in (("leftmost", 0), ("rightmost", 2), ("closest", 0), ("farthest", 2)):
@@ -126,7 +138,7 @@ def test_superlatives_and_numbers_of_things():
 
 def test_without_fcl_the_run_stops_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "fcl", None)
-    with pytest.raises(InstallationError, match="pip install .*python-fcl"):
+    with pytest.raises(InstallationError, match=r"pip install .*python-fcl"):
         base(("cup", (0, 0, 5), 1))
 
 

@@ -190,6 +190,20 @@ def test_answers_that_cannot_be_imported(track, tmp_path, capsys, answers, said)
     assert said in capsys.readouterr().err
 
 
+def test_a_track_without_questions_and_a_truth_of_other_photos(truth, track, tmp_path, capsys):
+    document = json.loads(track.read_text())
+    del document["questions"]
+    (tmp_path / "track.json").write_text(json.dumps(document))
+    write_answer_lines(tmp_path / "answers.jsonl", {"a-001": True})
+    words = ("--task", "relations", "--track", tmp_path / "track.json", "-o", tmp_path / "theirs")
+    assert call("baseline", "import", tmp_path / "answers.jsonl", *words) == 2
+    assert "asks no questions" in capsys.readouterr().err
+    others = write_facts(tmp_path / "others", {"z.jpg": TABLE})
+    summary = evaluated(truth, others, tmp_path / "eval")
+    assert (summary["coverage"]["with_truth"], summary["metrics"]) == (0, {})
+    assert call("evidence", "verify", tmp_path / "eval") == 0
+
+
 def test_answers_to_other_questions_are_ignored_on_request(truth, track, tmp_path):
     answers = true_answers(truth) | {"z-001": True}
     theirs = imported(track, answers, tmp_path, "--subset")
