@@ -114,14 +114,14 @@ def test_the_largest_objects_are_kept_and_the_others_counted():
     assert 6 in {thing.id for thing in facts.objects}
 
 
-def test_ten_thousand_objects_are_bounded_to_the_largest_hundred():
+def test_thousands_of_objects_are_bounded_to_the_largest_hundred():
     random = np.random.default_rng(0)
-    xyz = random.uniform((-4, -3, 5), (4, 3, 60), (10_000, 3))
+    xyz = random.uniform((-4, -3, 5), (4, 3, 60), (2_000, 3))
     view, instances = seen(*(("cup", tuple(place), 0.15) for place in xyz), size=(640, 480))
     facts = relation_facts(view, instances)
     visible = int((view.area_px > 0).sum())
     assert (len(facts.objects), len(facts.pairs.a)) == (100, 4950)
-    assert facts.left_out == visible - 100 > 1000
+    assert facts.left_out == visible - 100 > 500
     smallest = min(thing.area_px for thing in facts.objects)
     assert smallest >= np.sort(view.area_px)[-100]
 
