@@ -34,10 +34,7 @@ def _metrics(_task: str) -> list[Metric]:
 
 
 def _measurer(
-    _scene: StoredEvaluation,
-    _images: Images,
-    kept: NDArray[np.bool_],
-    settings: ComparisonSettings,
+    _scene: StoredEvaluation, _images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
 ) -> Measurer:
     draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
 
@@ -51,10 +48,7 @@ def _measurer(
             samples = ratios(name, sums, lambda column: weighted_sums(draws.counts, column))
             for k, policy in enumerate(POLICIES if guessed else POLICIES[:1]):
                 measures[f"{name}.{policy}"] = Measure(
-                    value=float(whole[k]),
-                    samples=samples[k],
-                    over={"images": len(used)},
-                    extra={},
+                    value=float(whole[k]), samples=samples[k], over={"images": len(used)}, extra={}
                 )
         return measures
 
@@ -62,7 +56,5 @@ def _measurer(
 
 
 COMPARISON: Final = ComparisonFamily(
-    metrics=_metrics,
-    unit=lambda _side: "image",
-    measurer=_measurer,
+    metrics=_metrics, unit=lambda _side: "image", measurer=_measurer
 )

@@ -78,11 +78,7 @@ def relation_facts(
     kept = sorted(largest, key=lambda i: i.id)
     things = _things(view, kept)
     layers = amodal_layers(
-        view.surfaces,
-        view.projection,
-        view.size_wh,
-        depth_scale=view.depth_scale,
-        threads=threads,
+        view.surfaces, view.projection, view.size_wh, depth_scale=view.depth_scale, threads=threads
     )
     areas = amodal_areas(layers, len(view.area_px))
     return Facts(

@@ -238,7 +238,5 @@ class RelationsEvidence(EvaluationEvidence, frozen=True, kw_only=True):
 
 
 RECORDS = RecordFamily(
-    summary=RelationsSummary,
-    rows=partial(decode_lines, RelationsRow),
-    evidence=RelationsEvidence,
+    summary=RelationsSummary, rows=partial(decode_lines, RelationsRow), evidence=RelationsEvidence
 )

@@ -9,13 +9,7 @@ from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.relations import RelationsRow, RelationsView, ShownQuestion
-from legoworld.records.report_page import (
-    Advice,
-    Answer,
-    PhotoRow,
-    RelationsCell,
-    RelationsPageView,
-)
+from legoworld.records.report_page import Advice, Answer, PhotoRow, RelationsCell, RelationsPageView
 from legoworld.records.report_tables import PageSection
 from legoworld.report.advice import failure_advice, sorted_advice
 from legoworld.report.facts import run_facts, run_tables

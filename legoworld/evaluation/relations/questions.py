@@ -17,21 +17,8 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld.evaluation.relations.answering import answer_by_facts
-from legoworld.readouts.relation_kinds import (
-    RELATIONS,
-    WHICH,
-    FactBase,
-    describe,
-    options_text,
-)
-from legoworld.records.relations import (
-    Designator,
-    FactObject,
-    Facts,
-    Kind,
-    Question,
-    TrueAnswer,
-)
+from legoworld.readouts.relation_kinds import RELATIONS, WHICH, FactBase, describe, options_text
+from legoworld.records.relations import Designator, FactObject, Facts, Kind, Question, TrueAnswer
 
 #: As the card declares them.
 MIN_AREA_PX: Final = 100
@@ -196,12 +183,7 @@ class _Asker:
                 yield self._choice("closest_to_camera", text, a, behind)
 
     def _choice(
-        self,
-        relation: str,
-        text: str,
-        best: int,
-        others: Sequence[int],
-        anchor: int | None = None,
+        self, relation: str, text: str, best: int, others: Sequence[int], anchor: int | None = None
     ) -> TrueAnswer:
         random = self._random(f"{relation}/{best}/{anchor}")
         chosen = [best, *random.sample(others, OPTIONS - 1)]

@@ -113,10 +113,7 @@ def _truth_of_scenes(path: Path, vocabulary: Vocabulary) -> Truth:
             files.append(("truth_facts", path / row.answer.file))
             made = make_questions(answer.facts, scene, row.image_id, categories)
         images[scene] = TrueImage(
-            image_id=row.image_id,
-            file_name=row.file_name,
-            size_wh=row.size_wh,
-            answers=tuple(made),
+            image_id=row.image_id, file_name=row.file_name, size_wh=row.size_wh, answers=tuple(made)
         )
     return Truth(images=images, files=tuple(files))
 
