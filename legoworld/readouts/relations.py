@@ -17,10 +17,6 @@ from legoworld.records.run_rows import RunRow
 from legoworld.records.submission import WrittenFile
 from legoworld.tables.table import Column, Number, Table
 
-#: The most bytes of an object with its pairs: names of 255 bytes, numbers of 20 digits.
-_OBJECT_BYTES: Final = 2048
-_PAIR_BYTES: Final = 19 * 20
-
 #: What is told of a scene: of a relation and its inverse, one.
 TOLD: Final = frozenset(
     {"left_of", "above", "in_front_of", "on", "inside", "touching", "near", "facing", "hides"}
@@ -72,5 +68,4 @@ READOUT: Final = ReadoutFamily(
     write=_write,
     table=_table,
     sum_up=lambda summary, _rows, _ok: summary,
-    file_bytes=lambda _size: MOST_OBJECTS * (_OBJECT_BYTES + MOST_OBJECTS // 2 * _PAIR_BYTES),
 )
