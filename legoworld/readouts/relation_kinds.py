@@ -8,7 +8,8 @@ from functools import cached_property
 from typing import Any, Final
 
 from legoworld.readouts.relation_facts import TOUCH_M
-from legoworld.records.relations import Designator, FactObject, FactPairs, Facts, Which
+from legoworld.records.questions import Designator, Which
+from legoworld.records.relations import FactObject, FactPairs, Facts
 
 #: The share of a thing in another's convex hull from which it is inside of it.
 INSIDE: Final = 0.95

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta, field
 
@@ -13,9 +13,9 @@ from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Interval, MetricValue, Summary
 from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
 from legoworld.records.families import RecordFamily
+from legoworld.records.questions import Answered, Box, Question, ShownQuestion
 
 Vector = tuple[float, float, float]
-Box = tuple[int | float, int | float, int | float, int | float]
 Column = tuple[float, ...]
 #: A number for each pair, None where it is unknown.
 Holed = tuple[float | None, ...]
@@ -81,41 +81,6 @@ class Facts(Record, frozen=True, kw_only=True):
     left_out: int = 0
 
 
-Which = Literal["", "leftmost", "rightmost", "closest", "farthest"]
-
-
-class Designator(Record, frozen=True, kw_only=True):
-    """A thing as a question names it. which: among several of its category."""
-
-    category: str
-    which: Which = ""
-
-
-Kind = Literal["yes_no", "choice", "count", "number", "refer"]
-Answered = bool | int | float | str | Box
-
-
-class Question(Record, frozen=True, kw_only=True):
-    """One question about a picture, without its answer.
-
-    kind: of the answer: true or false, one of the options, a whole number, metres, or a box x, y,
-    width, height in pixels. relation: what is asked; a, b: the things it names; options: what a
-    choice is among. any: whether it holds of any two things of these categories; frame: an object's
-    own frame of reference, UNSET for the picture's.
-    """
-
-    id: str
-    image_id: int
-    kind: Kind
-    relation: str
-    text: str
-    a: Designator
-    b: Designator | None = None
-    options: tuple[Designator, ...] = ()
-    any: bool | UnsetType = UNSET
-    frame: str | UnsetType = UNSET
-
-
 class TrueAnswer(Record, frozen=True, kw_only=True):
     """A question with its answer. answer: None where labels contradict each other.
 
@@ -159,17 +124,6 @@ class Sums(Record, frozen=True, kw_only=True):
     score: float
     chance: float
     blind: float
-
-
-class ShownQuestion(Record, frozen=True, kw_only=True):
-    """A question as a page shows it. boxes: of the things it names, where they are known."""
-
-    id: str
-    text: str
-    truth: str
-    answer: str
-    score: float | None
-    boxes: tuple[Box, ...]
 
 
 class RelationsView(Record, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.relations import Question
+from legoworld.records.questions import Question
 
 #: Ids above 2**53 lose digits where JSON numbers are read as doubles.
 LARGEST_ID: Final = 2**53

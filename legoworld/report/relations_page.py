@@ -8,7 +8,8 @@ from typing import Final, cast
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.relations import RelationsRow, RelationsView, ShownQuestion
+from legoworld.records.questions import ShownQuestion
+from legoworld.records.relations import RelationsRow, RelationsView
 from legoworld.records.report_page import Advice, Answer, PhotoRow, RelationsCell, RelationsPageView
 from legoworld.records.report_tables import PageSection
 from legoworld.report.advice import failure_advice, sorted_advice

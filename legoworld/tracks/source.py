@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from legoworld.records.relations import Question
+from legoworld.records.questions import Question
 from legoworld.records.track import CategoryInfo, ImageInfo, Part
 
 

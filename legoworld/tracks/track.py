@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
-from legoworld.records.relations import Question
+from legoworld.records.questions import Question
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
 from legoworld.remote import Place, folders_holding

@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 
 from legoworld.files import Json
 from legoworld.readouts.relation_kinds import RELATIONS, FactBase, describe
-from legoworld.records.relations import Answered, FactObject, Question
+from legoworld.records.questions import Answered, Question
+from legoworld.records.relations import FactObject
 
 #: Relations whose meaning depends on whose left, or front, it is.
 _OF_A_FRAME: Final = frozenset({"left_of", "right_of", "above", "below", "in_front_of", "behind"})

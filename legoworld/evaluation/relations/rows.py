@@ -12,15 +12,8 @@ from legoworld.evaluation.relations.truth import TrueImage, Truth, read_answer_f
 from legoworld.evaluation.run import Run, read_rows
 from legoworld.readouts.relation_kinds import FactBase
 from legoworld.records.base import UNSET
-from legoworld.records.relations import (
-    Answered,
-    AnswerFile,
-    RelationsRow,
-    RelationsView,
-    ShownQuestion,
-    Sums,
-    TrueAnswer,
-)
+from legoworld.records.questions import Answered, ShownQuestion
+from legoworld.records.relations import AnswerFile, RelationsRow, RelationsView, Sums, TrueAnswer
 from legoworld.records.run_rows import RunRow
 from legoworld.tracks.track import scene_name
 
