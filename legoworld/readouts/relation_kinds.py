@@ -72,9 +72,13 @@ def _over(value: float | None, least: float) -> float | None:
     return None if value is None else value - least
 
 
-def _on(pair: Pair) -> float:
-    gap = pair.towards("gap", "_m")
-    return min(0.0, TOUCH_M - pair.distance_m) if gap is None else TOUCH_M - abs(gap)
+def _on(pair: Pair) -> float | None:
+    """None where the two touch and neither rests on the other in balance: a rider on a horse."""
+    gap, other = pair.towards("gap", "_m"), pair.reversed.towards("gap", "_m")
+    if gap is not None:
+        return TOUCH_M - abs(gap)
+    apart = TOUCH_M - pair.distance_m
+    return apart if apart < 0 else None if other is None else 0.0
 
 
 def _near(pair: Pair) -> float:

@@ -58,7 +58,8 @@ def test_a_cube_on_a_cube():
     assert floating.margin("on", 1, 0) == pytest.approx(-0.02)
     assert floating.asked("on", 1, 0) is None
     over_the_edge = base(("cup", (0, 0, 5), 1), ("plate", (0.7, -1, 5), 1))
-    assert over_the_edge.margin("on", 1, 0) == 0.0, "it touches, and would fall"
+    assert over_the_edge.margin("on", 1, 0) is None, "it touches, and would fall"
+    assert over_the_edge.margin("on", 0, 1) is None
 
 
 def test_the_picture_decides_what_is_left_where_depths_differ():

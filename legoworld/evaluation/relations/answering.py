@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple
 
 from legoworld.files import Json
@@ -63,30 +63,39 @@ def _one(base: FactBase, question: Question, name: str) -> FactObject:
     return found[0]
 
 
-def _margin(base: FactBase, relation: str, a: int, b: int) -> float:
+def _two(base: FactBase, question: Question) -> tuple[int, int]:
+    """The two things that the question names."""
+    a, b = _one(base, question, "a"), _one(base, question, "b")
+    if a.id == b.id:
+        raise _NoAnswerError("ambiguous")
+    return a.id, b.id
+
+
+def _any_holds(base: FactBase, relation: str, pairs: Iterable[tuple[int, int]]) -> bool:
+    """Whether a relation holds of any pair, where that is known."""
     if relation not in RELATIONS:
         raise _NoAnswerError("not_a_relation")
-    margin = base.margin(relation, a, b)
-    if margin is None:
-        raise _NoAnswerError("no_front" if "facing" in relation else "undefined")
-    return margin
+    margins = [base.margin(relation, a, b) for a, b in pairs if a != b]
+    if any(margin is not None and margin > 0 for margin in margins):
+        return True
+    if None in margins:
+        raise _NoAnswerError("no_front" if "facing" in relation else "undecided")
+    return False
 
 
 def _holds(question: Question, base: FactBase) -> bool:
     if question.b is None:
         raise _NoAnswerError("not_a_relation")
-    if not question.any:
-        a, b = _one(base, question, "a"), _one(base, question, "b")
-        if a.id == b.id:
-            raise _NoAnswerError("ambiguous")
-        return _margin(base, question.relation, a.id, b.id) > 0
-    if question.a == question.b:
-        raise _NoAnswerError("named_twice")
-    of_both = base.named(question.a), base.named(question.b)
-    if not all(of_both):
-        raise _NoAnswerError("not_there")
-    pairs = [(a.id, b.id) for a, b in itertools.product(*of_both) if a.id != b.id]
-    return max(_margin(base, question.relation, a, b) for a, b in pairs) > 0
+    if question.any:
+        if question.a == question.b:
+            raise _NoAnswerError("named_twice")
+        of_both = base.named(question.a), base.named(question.b)
+        if not all(of_both):
+            raise _NoAnswerError("not_there")
+        pairs = [(a.id, b.id) for a, b in itertools.product(*of_both)]
+    else:
+        pairs = [_two(base, question)]
+    return _any_holds(base, question.relation, pairs)
 
 
 def _nearest(question: Question, base: FactBase) -> str:
@@ -110,27 +119,17 @@ def _least(question: Question, base: FactBase, of: Callable[[int], float]) -> st
 
 
 def _distance(question: Question, base: FactBase) -> float:
-    a, b = _one(base, question, "a"), _one(base, question, "b")
-    if a.id == b.id:
-        raise _NoAnswerError("ambiguous")
-    return base.facts.pairs.centre_m[base.pair(a.id, b.id).k]
+    return base.facts.pairs.centre_m[base.pair(*_two(base, question)).k]
 
 
 def _refer(question: Question, base: FactBase) -> Answered:
     if question.b is None:
         return _one(base, question, "a").bbox_xywh_px
     anchor, things = _one(base, question, "b"), base.named(question.a)
-    margins = [
-        (_margin(base, question.relation, t.id, anchor.id), -t.id)
-        for t in things
-        if t.id != anchor.id
-    ]
-    if not margins:
-        raise _NoAnswerError("not_there")
-    best, number = max(margins)
-    if best <= 0:
-        raise _NoAnswerError("holds_of_none")
-    return base.objects[-number].bbox_xywh_px
+    found = [t for t in things if _any_holds(base, question.relation, [(t.id, anchor.id)])]
+    if len(found) != 1:
+        raise _NoAnswerError("ambiguous" if found else "not_there")
+    return found[0].bbox_xywh_px
 
 
 _ANSWERS: Final[Mapping[str, Callable[[Question, FactBase], Answered]]] = {
