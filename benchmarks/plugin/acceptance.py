@@ -277,7 +277,9 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=2, help="scenes of each family")
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--families", default="", help="separated by commas [default: all]")
+    parser.add_argument("--rules", default="", help="separated by semicolons [default: all]")
     chosen = parser.parse_args()
+    rules = {n: r for n, r in RULES.items() if not chosen.rules or n in chosen.rules.split(";")}
     dataset = read_dataset(chosen.dataset / "private")
     wanted = set(chosen.families.split(",")) - {""}
     studies = []
@@ -294,7 +296,7 @@ def main() -> None:
         print(f"corrections alone, {name}: R {np.mean(ends):.3f}", flush=True)
     for share in (0.3, 0.6):
         print(f"{share:.0%} harmful, {len(studies)} scenes, {chosen.each} runs each")
-        for (name, rule), rounds in itertools.product(RULES.items(), (0, ROUNDS)):
+        for (name, rule), rounds in itertools.product(rules.items(), (0, ROUNDS)):
             counts = Counts()
             if rounds and name == "none":
                 continue
