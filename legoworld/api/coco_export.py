@@ -28,7 +28,7 @@ from legoworld.evaluation.run import (
     read_rows,
     read_run,
 )
-from legoworld.files import write_text
+from legoworld.files import refuse_existing, write_text
 from legoworld.records.base import UNSET, Record, canonical, readable
 from legoworld.records.coco_file import (
     CocoAnnotation,
@@ -44,22 +44,17 @@ from legoworld.tasks.registry import family_tasks, find_family
 from legoworld.tasks.shipped import DETECTION
 from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.track import load_track
-from legoworld.tracks.vocabulary import Vocabulary, load
+from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 
 def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> CocoFile:
     """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
 
-    track: source of the category names if they are not the shipped dataset's. Raises UsageError for
-    a depth run or unknown category names, RunUnusableError or PredictionsInvalidError for a damaged
-    run; nothing is written then.
+    track: source of the category names if they are not the shipped dataset's; without it a scene's
+    run gives the categories that it predicts. Raises UsageError for a depth run or unknown names,
+    RunUnusableError or PredictionsInvalidError for a damaged run; nothing is written then.
     """
-    if output.exists() and not overwrite:
-        raise UsageError(
-            f"{output.name} already exists",
-            expected="a new file",
-            next_step="choose another -o, or pass --overwrite",
-        )
+    refuse_existing(output, overwrite=overwrite)
     run = read_run(run_folder)
     if find_family(run.task) != DETECTION:
         raise UsageError(
@@ -74,7 +69,7 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
         info=CocoInfo(
             description=f"legoworld run of {run.task}: predictions as annotations",
             task=run.task,
-            vocabulary_sha256=vocabulary.sha256,
+            vocabulary_sha256=run.configuration.vocabulary_sha256 or vocabulary.sha256,
             images_without_result=tuple(i.image_id for i in run.images if i.status != "ok"),
         ),
         images=tuple(images),
@@ -86,19 +81,39 @@ def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite
 
 
 def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
-    """The categories of the run: the track's, or the shipped dataset's."""
+    """The categories of the run: the track's, the shipped dataset's, or those of its own labels."""
     expected = run.configuration.vocabulary_sha256
     vocabulary = load_track(track).vocabulary if track is not None else None
     if vocabulary is None:
         vocabulary = load(catalog.folder("datasets") / find_dataset(run.task) / "categories.json")
-    if vocabulary.sha256 != expected:
+    if vocabulary.sha256 == expected:
+        return vocabulary
+    exported = _exported_categories(run) if track is None else None
+    if exported is None:
         raise UsageError(
             "the names of the run's categories are unknown",
             found=f"{len(vocabulary.categories)} categories, {vocabulary.sha256[:12]}",
             expected=f"the run's vocabulary, {str(expected)[:12]}",
             next_step="pass --track with the track the run was made for",
         )
-    return vocabulary
+    return exported
+
+
+def _exported_categories(run: Run) -> Vocabulary | None:
+    """The categories of a scene's predictions, named by the rows; None where rows name none."""
+    named = {row.image_id: iter(row.exported or ()) for row in read_rows(run)}
+    kind = prediction_type(detection_protocol(run.task))
+    ids = sorted({p.category_id for batch in read_predictions(run, kind) for p in batch})
+    if not ids:
+        return None
+    names: dict[int, str] = {}
+    unnamed = Vocabulary(tuple(Category(id=i, name=str(i)) for i in ids))
+    for prediction in _predictions(run, unnamed).entries:  # in the order of the rows' names
+        one = next(named.get(prediction.image_id, iter(())), None)
+        if one is None or not one.category:
+            return None
+        names[prediction.category_id] = one.category
+    return Vocabulary(tuple(Category(id=i, name=names[i]) for i in ids))
 
 
 def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> CocoImage:

@@ -23,7 +23,7 @@ _DAY_S = 86_400.0
 _FINALISE_S = 600.0
 
 
-@click.group("blender")
+@options.group("blender")
 def command() -> None:
     """A headless Blender that coding agents drive.
 

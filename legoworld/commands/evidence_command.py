@@ -14,7 +14,7 @@ from legoworld.commands.param_types import EXISTING_FOLDER
 from legoworld.pluralize import share, word_for
 
 
-@click.group("evidence")
+@options.group("evidence")
 def command() -> None:
     """Verify the evidence of an evaluation or a comparison: recorded hashes and numbers.
 

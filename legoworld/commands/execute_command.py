@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output
@@ -40,7 +41,7 @@ def command(
 
     The program starts in an empty folder with Blender's start-up scene. Its own render calls are
     skipped. If it stops with an error, the partial scene is still exported, execution.json records
-    the line and the error, and the exit code is 1.
+    the line and the error, and the exit code is 1. It is 5 when the exported scene cannot be read.
 
     A program is untrusted code. With bubblewrap it has no network, writes only to its own empty
     folder and reads none of your files except PROGRAM and each --input. Without bubblewrap its
@@ -71,7 +72,9 @@ def command(
          "warnings": list(result.warnings), "check": result.check, "sandbox": result.sandbox},
         _lines(result, program, output, out),
     )  # fmt: skip
-    return 1 if result.error else 0
+    if result.check.status != "ok":
+        return exit_codes.NOT_ASSESSED
+    return exit_codes.INCOMPLETE if result.error else exit_codes.DONE
 
 
 def _lines(result: ExecutionFile, program: Path, output: Path, out: Output) -> Iterator[str]:

@@ -16,12 +16,17 @@ from legoworld.pluralize import plural
 @click.command("export")
 @click.argument("run", type=EXISTING_FOLDER)
 @option("--format form", "Output format.", Choice(["coco"]), default="coco")
-@option("--output", "File to write.", FILE)
-@option("--track", "The run's track, for category names other than the dataset's own.")
+@option(
+    "--output", "File to write [default: legoworld-runs/<RUN>-coco.json].", FILE, required=False
+)
+@option(
+    "--track",
+    "The run's track, where its categories are not the dataset's own [default: those predicted].",
+)
 @option("--overwrite", "Replace an existing file.")
 @options.printing_json
 def command(
-    run: Path, form: str, output: Path, track: Path | None, overwrite: bool, out: Output
+    run: Path, form: str, output: Path | None, track: Path | None, overwrite: bool, out: Output
 ) -> int:
     """Write the boxes or masks of a RUN as one COCO JSON for dataset tools.
 
@@ -37,6 +42,7 @@ def command(
     """
     from legoworld.api.coco_export import export_coco
 
+    output = output or Path("legoworld-runs") / f"{run.resolve().name}-{form}.json"
     document = export_coco(run, output, track=track, overwrite=overwrite)
     n_images, n_annotations = len(document.images), len(document.annotations)
     out.show(

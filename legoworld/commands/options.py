@@ -112,6 +112,20 @@ SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
 ]  # fmt: skip
 
 
+class _Group(click.Group):
+    """A group whose help has the whole first sentence of each command."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands; click alone would cut their sentences at the width."""
+        known = [(name, self.commands[name]) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.get_short_help_str(1000)) for name, one in known])
+
+
+#: click's group, with that help.
+group: Final = functools.partial(click.group, cls=_Group)
+
+
 class Decorator(Protocol):
     """Adds options to a command's function."""
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _DIALECTS: Final = Choice(["claude", "codex", "cursor"])
 
 
-@click.group("plugin")
+@options.group("plugin")
 def command() -> None:
     """Measure a live scene against a photo, and guard edits to it.
 

@@ -123,7 +123,9 @@ def _lines(
         yield f"{row.status}: {row.file_name}: {row.reason}"
         return
     yield load_evaluation_family(found.summary.task).short(found.summary)
-    shown = found.advice if out.verbose else found.advice[:_SHORT]
+    names = tuple(f"the label {u.label!r} " for u in row.unmatched or ())
+    later = [one for one in found.advice[_SHORT:] if out.verbose or one.what.startswith(names)]
+    shown = [*found.advice[:_SHORT], *later]
     for one in shown:
         yield f"{one.level}: {one.what}" + (f"; do: {one.do}" if one.do else "")
     if len(shown) < len(found.advice):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from legoworld.commands.output import Document
 
 
-@click.group("track")
+@options.group("track")
 def command() -> None:
     """Make a public track (a list of images and categories), or check one against its photos.
 

@@ -13,7 +13,7 @@ from legoworld.commands import options
 from legoworld.commands.options import flag, option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import COUNT, EXISTING_FILE, TaskChoice, has_track
-from legoworld.files import EncodingError, utf8_text
+from legoworld.files import EncodingError, refuse_existing, utf8_text
 from legoworld.pluralize import plural, share
 
 if TYPE_CHECKING:
@@ -167,18 +167,12 @@ def _make(
     notice: Callable[[str], None],
 ) -> dict[Path, MadeTrack]:
     """The tracks by their files."""
-    from legoworld.errors import UsageError
     from legoworld.track_making.make_track import make_track, make_tracks
 
     several = len(truths) > 1
     files = {task: output / f"{task}.json" if several else output for task in truths}
     for path in files.values():
-        if path.exists() and not overwrite:
-            raise UsageError(
-                f"{path.name} already exists",
-                expected="a new file",
-                next_step="choose another -o, or pass --overwrite",
-            )
+        refuse_existing(path, overwrite=overwrite)
     sample, seed, chosen = selection.sample, selection.seed, selection.chosen
     if several:
         tracks = make_tracks(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _SCORES: Final = option("--scores", "What `trajectory score` wrote.", EXISTING_FOLDER)
 
 
-@click.group("trajectory")
+@options.group("trajectory")
 def command() -> None:
     """What happened on the way to each scene of `legoworld reconstruct`.
 

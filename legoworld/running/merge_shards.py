@@ -15,6 +15,7 @@ from legoworld.files import atomic_path
 from legoworld.readouts.protocol import load_readout_family
 from legoworld.records.base import RecordError, as_json, decode
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.folder_kind import folder_of_other_kind
 from legoworld.records.folders.read_run import (
     RUN,
     SUMMARY,
@@ -134,7 +135,7 @@ def _finished_document(folder: Path) -> RunFile:
             raise RecordError(f"task {document.configuration.task!r}")
     except (OSError, RecordError) as error:
         raise UsageError(
-            f"{folder.name} is not a finished shard",
+            folder_of_other_kind(folder, "a run") or f"{folder} is not a finished shard",
             found=cause(error),
             expected="the output of `legoworld readout --shard i/n`, or one undivided run alone",
             next_step="run its command again to resume",

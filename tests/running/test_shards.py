@@ -109,7 +109,7 @@ def test_shards_that_make_up_no_run_are_refused(scenes: Path, tmp_path: Path, ca
         ([a, a, b], "given twice: 1/2"),
         ([a, other], "different images_sha256"),
         ([a, whole], "not a shard"),
-        ([tmp_path, b], "not a finished shard"),
+        ([tmp_path, b], f"{tmp_path} is not a run: it holds {a}, which is a run"),
         ([whole, a], "whole is not a shard"),
         ([a, a, b, b], "given twice: 1/2, 2/2"),
     ]:
