@@ -5,18 +5,9 @@ from __future__ import annotations
 import re
 import shlex
 from importlib import metadata
-from typing import Final, Literal
+from typing import Literal
 
 Extra = Literal["draco", "exr", "ray", "url", "plugin", "examples"]
-
-PURPOSES: Final[dict[Extra, str]] = {
-    "draco": "Draco-compressed scene.glb",
-    "exr": "depth in .exr",
-    "ray": "--engine ray",
-    "url": "scenes and runs at URLs",
-    "plugin": "`legoworld plugin serve`",
-    "examples": "the photos of the shipped examples",
-}
 
 
 def requirements(extra: Extra) -> list[str]:

@@ -44,6 +44,11 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", call)
 
 
+def optional_path(path: str | Path | None) -> Path | None:
+    """An argument as a path, where it is given."""
+    return None if path is None else Path(path)
+
+
 def check_argument(name: str, value: object) -> None:
     """Raise UsageError unless the value can be used as the argument of that name."""
     expected = CHECKS[name](value)

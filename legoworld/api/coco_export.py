@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
 from legoworld.evaluation.detection.inputs.masks import (
@@ -47,36 +48,43 @@ from legoworld.tracks.track import load_track
 from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 
-def export_coco(run_folder: Path, output: Path, *, track: Path | None, overwrite: bool) -> CocoFile:
+@check_arguments
+def export(
+    run: str | Path,
+    output: str | Path,
+    *,
+    track: str | Path | None = None,
+    overwrite: bool = False,
+) -> CocoFile:
     """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
 
     track: source of the category names if they are not the shipped dataset's; without it a scene's
     run gives the categories that it predicts. Raises UsageError for a depth run or unknown names,
     RunUnusableError or PredictionsInvalidError for a damaged run; nothing is written then.
     """
-    refuse_existing(output, overwrite=overwrite)
-    run = read_run(run_folder)
-    if find_family(run.task) != DETECTION:
+    refuse_existing(Path(output), overwrite=overwrite)
+    source = read_run(Path(run))
+    if find_family(source.task) != DETECTION:
         raise UsageError(
-            f"a run of {run.task} has no boxes or masks",
+            f"a run of {source.task} has no boxes or masks",
             expected=f"a run of {', '.join(task.name for task in family_tasks(DETECTION))}",
             next_step="read depth from the run's own files, one per photo",
         )
-    vocabulary = _vocabulary(run, track)
-    images = [_image(i.image_id, i.file_name, i.size_wh) for i in run.images]
-    predictions = _predictions(run, vocabulary)
+    vocabulary = _vocabulary(source, optional_path(track))
+    images = [_image(i.image_id, i.file_name, i.size_wh) for i in source.images]
+    predictions = _predictions(source, vocabulary)
     document = CocoFile(
         info=CocoInfo(
-            description=f"legoworld run of {run.task}: predictions as annotations",
-            task=run.task,
-            vocabulary_sha256=run.configuration.vocabulary_sha256 or vocabulary.sha256,
-            images_without_result=tuple(i.image_id for i in run.images if i.status != "ok"),
+            description=f"legoworld run of {source.task}: predictions as annotations",
+            task=source.task,
+            vocabulary_sha256=source.configuration.vocabulary_sha256 or vocabulary.sha256,
+            images_without_result=tuple(i.image_id for i in source.images if i.status != "ok"),
         ),
         images=tuple(images),
-        annotations=tuple(_annotations(run, predictions)),
+        annotations=tuple(_annotations(source, predictions)),
         categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
     )
-    write_text(output, _readable(document))
+    write_text(Path(output), _readable(document))
     return document
 
 

@@ -8,7 +8,7 @@ import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, get_args
 
 import click
 
@@ -190,11 +190,11 @@ def _extras() -> list[Finding]:
         Finding(
             name=f"extra {extra}",
             good=not (lacking := extras.lacking(extra)),
-            found=f"not installed: {', '.join(lacking)}" if lacking else extras.PURPOSES[extra],
-            next_step=f"{extras.install_command(extra)} (for {extras.PURPOSES[extra]})",
+            found=f"not installed: {', '.join(lacking)}" if lacking else "installed",
+            next_step=extras.install_command(extra),
             needed=False,
         )
-        for extra in extras.PURPOSES
+        for extra in get_args(extras.Extra)
     ]
 
 

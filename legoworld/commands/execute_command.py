@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,8 +16,6 @@ from legoworld.commands.param_types import EXISTING_FILE
 
 if TYPE_CHECKING:
     from legoworld.records.execution import ExecutionFile
-    from legoworld.scene.blender_process import Limits
-    from legoworld.workers.protections import Confinement
 
 
 @click.command("execute")
@@ -28,15 +26,7 @@ if TYPE_CHECKING:
 @option("--sandbox")
 @options.limits
 @options.printing
-def command(
-    program: Path,
-    output: Path,
-    picture: bool,
-    inputs: tuple[Path, ...],
-    sandbox: Confinement,
-    limits: Limits,
-    out: Output,
-) -> int:
+def command(program: Path, output: Path, out: Output, **given: Any) -> int:
     """Run a scene PROGRAM in its own process; export scene.blend, scene.glb and final.png.
 
     The program starts in an empty folder with Blender's start-up scene. Its own render calls are
@@ -54,25 +44,15 @@ def command(
       legoworld execute scene.py -o scenes/coffee --time-limit 600
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
-    from legoworld.scene.programs.execution import execute
-    from legoworld.workers.protections import protections
+    from legoworld.api.scene_folders import execute
 
-    held = protections(sandbox)
-    if held.bubblewrap is None:
-        out.notice(
-            f"warning: without bubblewrap ({held.why_not}) the program runs with your permissions; "
-            f"limited: {', '.join(held.holds)}; not limited: {', '.join(held.does_not_hold)}"
-        )
-    result = execute(
-        program, output, limits=limits, picture=picture, sandbox=sandbox, inputs=inputs,
-        notice=out.notice,
-    )  # fmt: skip
+    result = execute(program, output, listener=out.listener(), **given)
     out.show(
         {"status": result.status, "error": result.error, "files": list(result.files),
          "warnings": list(result.warnings), "check": result.check, "sandbox": result.sandbox},
         _lines(result, program, output, out),
     )  # fmt: skip
-    if result.check.status != "ok":
+    if result.check and result.check.status != "ok":
         return exit_codes.NOT_ASSESSED
     return exit_codes.INCOMPLETE if result.error else exit_codes.DONE
 

@@ -40,10 +40,10 @@ def command(
       legoworld export runs/coco -o coco.json
       legoworld export runs/masks --format coco --track track.json -o masks.json
     """
-    from legoworld.api.coco_export import export_coco
+    from legoworld.api.coco_export import export
 
     output = output or Path("legoworld-runs") / f"{run.resolve().name}-{form}.json"
-    document = export_coco(run, output, track=track, overwrite=overwrite)
+    document = export(run, output, track=track, overwrite=overwrite)
     n_images, n_annotations = len(document.images), len(document.annotations)
     out.show(
         {"format": form, "output": str(output), "images": n_images, "annotations": n_annotations},

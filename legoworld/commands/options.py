@@ -28,7 +28,6 @@ from legoworld.commands.param_types import (
 )
 
 if TYPE_CHECKING:
-    from legoworld.scene.cache import SnapshotCache
     from legoworld.workers.protections import Confinement, Protections
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -98,7 +97,7 @@ SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
     ("--space", "", {"type": Choice(["depth", "disparity", "ray_distance"])}),
     ("--label-map", 'JSON {"their label": "category name" or null}.', {"type": EXISTING_FILE}),
     ("--ledger", "", {"type": FOLDER, "default": Path("legoworld-ledger")}),
-    ("--without off", "Leave a module of the plugin out, for ablations; repeatable.",
+    ("--without", "Leave a module of the plugin out, for ablations; repeatable.",
      {"multiple": True}),
     ("--regions", "", {"multiple": True}),
     ("--evidence", "Folder of `legoworld plugin evidence`.", {"type": EXISTING_FOLDER}),
@@ -122,8 +121,9 @@ class _Group(click.Group):
             formatter.write_dl([(name, one.get_short_help_str(1000)) for name, one in known])
 
 
-#: click's group, with that help.
-group: Final = functools.partial(click.group, cls=_Group)
+def group(name: str) -> Callable[[Callable[[], None]], click.Group]:
+    """click's group, with that help."""
+    return click.group(name, cls=_Group)
 
 
 class Decorator(Protocol):
@@ -236,29 +236,18 @@ def _cache(cache: Path | None, no_cache: bool) -> bool | Path:
     return not why
 
 
-def _snapshot_cache(**given: Any) -> SnapshotCache | None:
-    from legoworld.api.settings import snapshot_cache
-
-    return snapshot_cache(_cache(**given))
-
-
 def _protections(sandbox: Confinement, *, network: bool = False) -> Protections:
     from legoworld.workers.protections import protections
 
     return protections(sandbox, network=network)
 
 
-_LIMITS: Final = (
+#: Limits of each Blender process, and the snapshot cache, as the Python API's arguments.
+limits: Final = all_of(
     option("--memory-limit", envvar="LEGOWORLD_MEMORY_LIMIT"),
     option("--time-limit", default=120.0, envvar="LEGOWORLD_TIME_LIMIT"),
 )
-#: Limits of each Blender process as the Python API's arguments, or as `limits: Limits`.
-api_limits: Final = all_of(*_LIMITS)
-limits: Final = together("limits", "legoworld.api.settings:make_limits", *_LIMITS)
-_CACHE: Final = (option("--no-cache"), option("--cache"))
-#: The snapshot cache as the Python API's `cache: bool | Path`, or as a `SnapshotCache | None`.
-api_cache: Final = together("cache", _cache, *_CACHE)
-cache: Final = together("cache", _snapshot_cache, *_CACHE)
+cache: Final = together("cache", _cache, option("--no-cache"), option("--cache"))
 #: -v, -q and --json as `out: Output`; or --json alone.
 printing: Final = together("out", Output, option("--verbose"), option("--quiet"), option("--json"))
 printing_json: Final = together("out", Output, option("--json"))

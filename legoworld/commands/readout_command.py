@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 )
 @option("--workers")
 @option("--source")
-@options.api_cache
+@options.cache
 @option("--require-frozen")
 @option("--limit")
 @option("--image-id")
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 @flag("--render-noise", "Bench only: render a second seed and compare.")
 @option("--overwrite")
 @flag("--fail-fast", "Stop at the first scene that cannot be read.")
-@options.api_limits
+@options.limits
 @options.printing
 def command(
     scenes: Place | None,

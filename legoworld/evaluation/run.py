@@ -60,7 +60,7 @@ def read_run(folder: Path) -> Run:
         head = decode(RunHead, (folder / RUN).read_bytes())
     except (OSError, RecordError) as error:
         if other := folder_of_other_kind(folder, "a run"):
-            raise RunUnusableError(other, expected=_EXPECTED) from error
+            raise RunUnusableError(other, found=f"no {RUN}", expected=_EXPECTED) from error
         raise _unreadable(folder, RUN, error) from error
     if (folder / JOURNAL).exists():
         raise RunUnusableError(
