@@ -202,7 +202,7 @@ AT_HOME = {
     "cli.py": "the command of that name",
     "commands/export_command.py": "a file format",
     "report/page_file.py": "a key of the page",
-    "shipped/demo.py": "the tasks that the examples have ground truth for",
+    "commands/demo_command.py": "the tasks that the examples have ground truth for",
 }
 
 
