@@ -178,9 +178,9 @@ def bench_table(
 def bench_judges(
     judgements: str | Path,
     evaluations: Sequence[str | Path] = (),
-    output: str | Path | None = None,
+    json_file: str | Path | None = None,
 ) -> JudgesFile:
-    """How far recorded judgements agree with the scores; as JSON in `output` where it is given.
+    """How far recorded judgements agree with the scores; as JSON in a file where one is given.
 
     evaluations: those whose scores say which submission is better, instead of the judgements.
     """
@@ -190,6 +190,6 @@ def bench_judges(
         {side.name: case_scores(side) for side in sides} if sides else None,
         {side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
     )
-    if output is not None:
-        write_text(Path(output), readable(agreement))
+    if json_file is not None:
+        write_text(Path(json_file), readable(agreement))
     return agreement

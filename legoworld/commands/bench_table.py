@@ -57,10 +57,10 @@ def table_command(
 @click.command("judges")
 @click.argument("judgements", type=EXISTING_FILE)
 @click.argument("evaluations", nargs=-1, type=EXISTING_FOLDER)
-@option("--output", "Also write the result as JSON.", FILE, required=False)
+@option("-o --output json_file", "Also write the result as JSON.", FILE, required=False)
 @options.printing
 def judges_command(
-    judgements: Path, evaluations: tuple[Path, ...], output: Path | None, out: Output
+    judgements: Path, evaluations: tuple[Path, ...], json_file: Path | None, out: Output
 ) -> int:
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
@@ -80,7 +80,7 @@ def judges_command(
     from legoworld.api.bench import bench_judges
     from legoworld.records.base import as_json as plain
 
-    agreement = bench_judges(judgements, evaluations, output)
+    agreement = bench_judges(judgements, evaluations, json_file)
     if out.as_json:
         print_json(plain(agreement))
         return 0
