@@ -99,7 +99,7 @@ def baseline_run(
             if prompts_from_truth is not None
             else None
         ),
-    )  # fmt: skip
+    )
     listener.total(len(selected_images(images, image_ids, limit)))
     warn_unconfined(request.confined, listener)
     result = run_baseline(
