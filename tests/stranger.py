@@ -54,7 +54,7 @@ def run_page(page: Path, folder: Path) -> str:
     """Run a page in a new folder, with nothing of the caller's environment but the installation.
 
     Fails where a block fails, and where it does not print a line that the page shows; a line of
-    "..." stands for any. Returns what was printed.
+    "..." stands for any, and a size in MB is any size. Returns what was printed.
     """
     found = blocks(page)
     home = folder.with_name(f"{folder.name}-home")
@@ -70,8 +70,10 @@ def run_page(page: Path, folder: Path) -> str:
     )  # fmt: skip
     assert done.returncode == 0, f"{page.name}: {done.stdout[-2000:]}\n{done.stderr[-4000:]}"
     for number, text in json.loads((folder / "printed.json").read_text(encoding="utf-8")):
-        shown = [line.strip() for line in found[number][3].splitlines()]
-        lines = [line.strip() for line in text.splitlines()]
+        shown, lines = (
+            [re.sub(r"[\d.]+ MB", "MB", line.strip()) for line in printed.splitlines()]
+            for printed in (found[number][3], text)
+        )
         lacking = [line for line in shown if line not in ("", "...") and line not in lines]
         assert lacking == [], f"{page.name} shows {lacking} where this is printed:\n{text}"
     return done.stdout + done.stderr
