@@ -15,13 +15,18 @@ from legoworld.pluralize import plural
 
 @click.command("export")
 @click.argument("run", type=EXISTING_FOLDER)
-@option("--format form", "Output format.", Choice(["coco"]), default="coco")
+@option("--format form", "Output format.", Choice(["coco", "kins"]), default="coco")
 @option("--output", "File to write.", FILE)
 @option("--track", "The run's track, for category names other than the dataset's own.")
 @option("--overwrite", "Replace an existing file.")
 @options.printing_json
 def command(
-    run: Path, form: str, output: Path, track: Path | None, overwrite: bool, out: Output
+    run: Path,
+    form: str,
+    output: Path,
+    track: Path | None,
+    overwrite: bool,
+    out: Output,
 ) -> int:
     """Write the boxes or masks of a RUN as one COCO JSON for dataset tools.
 
@@ -30,14 +35,18 @@ def command(
     it: pycocotools, torchvision's CocoDetection, FiftyOne, supervision (boxes). Annotations from a
     scene have the names of their objects under `attributes`.
 
+    kins, of amodal masks, adds the visible parts: inmodal_seg, inmodal_bbox, a_area, i_area and
+    occlude_rate. `evaluate` reads such a file as ground truth.
+
     \b
     Examples:
       legoworld export runs/coco -o coco.json
+      legoworld export runs/amodal --format kins -o truth.json
       legoworld export runs/masks --format coco --track track.json -o masks.json
     """
     from legoworld.api.coco_export import export_coco
 
-    document = export_coco(run, output, track=track, overwrite=overwrite)
+    document = export_coco(run, output, track=track, overwrite=overwrite, visible=form == "kins")
     n_images, n_annotations = len(document.images), len(document.annotations)
     out.show(
         {"format": form, "output": str(output), "images": n_images, "annotations": n_annotations},
