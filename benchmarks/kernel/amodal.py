@@ -11,6 +11,7 @@ made-up picture of so many plates, 1920 x 1080, with the peak of memory (0: none
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import resource
 from collections.abc import Callable
 from pathlib import Path
@@ -42,7 +43,7 @@ def main() -> int:
         check(view)
         show(folder.name, view, args.rounds, singles=True)
     if args.crowd:
-        view = crowd(args.crowd)
+        view = crowd(args.crowd, legoworld.open_scene(EXAMPLES / "coffee").view())
         show(f"crowd of {args.crowd}", view, min(args.rounds, 3), singles=False)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"    peak of memory {peak:.0f} MiB")
@@ -107,7 +108,7 @@ def show(name: str, view: View, rounds: int, *, singles: bool) -> None:
         print(f"    {row:8} {seconds * 1e3:9.2f} ms CPU {seconds / cpu['draw']:8.2f} draws")
 
 
-def crowd(count: int) -> View:
+def crowd(count: int, any_view: legoworld.SceneView) -> View:
     """Plates of 20 to 200 pixels all over a picture and across its edges."""
     random, size_wh = np.random.default_rng(0), (1920, 1080)
     camera = Projection(
@@ -129,8 +130,10 @@ def crowd(count: int) -> View:
     )  # fmt: skip
     buffers = render(surfaces, camera, size_wh)
     area, extents = instance_extents(buffers.instance, count)
-    return View(size_wh=size_wh, projection=camera, surfaces=surfaces, depth_scale=1.0,
-                buffers=buffers, area_px=area, bbox_xyxy_px=extents)  # fmt: skip
+    return dataclasses.replace(
+        any_view._inspection.view, size_wh=size_wh, projection=camera, surfaces=surfaces,
+        depth_scale=1.0, buffers=buffers, area_px=area, bbox_xyxy_px=extents,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

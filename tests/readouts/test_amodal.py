@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pycocotools import mask as coco_mask
+from readouts.quads import SQUARE, at, quads
 from visibility.kernel_scenes import jumble, pixel_camera, pixel_rectangle, place
 
 from legoworld.cards import load_card
@@ -38,6 +39,7 @@ def view_of(surfaces, camera=CAMERA, size_wh=SIZE):
     buffers = render(surfaces, camera, size_wh)
     area, extents = instance_extents(buffers.instance, n)
     return View(
+        snapshot=quads(("none", SQUARE, at(0, 0, 0))),  # what is drawn is in the surfaces
         size_wh=size_wh, projection=camera, surfaces=surfaces, depth_scale=1.0, buffers=buffers,
         area_px=area, bbox_xyxy_px=extents,
     )  # fmt: skip
