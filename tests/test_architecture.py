@@ -206,8 +206,8 @@ AT_HOME = {
 }
 
 
-#: Words of the field as well: quantities of arrays, and folders that hold them.
-A_WORD = {"depth", "normals"}
+#: Words of the field as well: quantities of arrays, kinds of masks, and folders that hold them.
+A_WORD = {"amodal", "depth", "normals"}
 
 
 def test_no_room_but_its_own_names_a_task_or_a_family():

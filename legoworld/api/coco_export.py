@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, Literal
 
 from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.errors import UsageError
@@ -21,6 +22,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     check_results,
     prediction_type,
 )
+from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import (
     Run,
@@ -39,7 +41,7 @@ from legoworld.records.coco_file import (
     CocoInfo,
     ObjectNames,
 )
-from legoworld.records.predictions import Box, Rle
+from legoworld.records.predictions import Box, Prediction, Rle
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import family_tasks, find_family
 from legoworld.tasks.shipped import DETECTION
@@ -53,14 +55,17 @@ def export(
     run: str | Path,
     output: str | Path,
     *,
+    format: Literal["coco", "kins"] = "coco",  # noqa: A002  as the command calls it
     track: str | Path | None = None,
     overwrite: bool = False,
 ) -> CocoFile:
     """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
 
-    track: source of the category names if they are not the shipped dataset's; without it a scene's
-    run gives the categories that it predicts. Raises UsageError for a depth run or unknown names,
-    RunUnusableError or PredictionsInvalidError for a damaged run; nothing is written then.
+    format: kins adds the visible parts of amodal masks, in KINS's fields. track: source of the
+    category names if they are not the shipped dataset's; without it a scene's run gives the
+    categories that it predicts. Raises UsageError for a depth run, unknown names or visible parts
+    of other masks, RunUnusableError or PredictionsInvalidError for a damaged run; nothing is
+    written then.
     """
     refuse_existing(Path(output), overwrite=overwrite)
     source = read_run(Path(run))
@@ -69,6 +74,11 @@ def export(
             f"a run of {source.task} has no boxes or masks",
             expected=f"a run of {', '.join(task.name for task in family_tasks(DETECTION))}",
             next_step="read depth from the run's own files, one per photo",
+        )
+    visible = format == "kins"
+    if visible and detection_protocol(source.task).payload is not AMODAL:
+        raise UsageError(
+            f"a run of {source.task} has no amodal masks", next_step="pass --format coco"
         )
     vocabulary = _vocabulary(source, optional_path(track))
     images = [_image(i.image_id, i.file_name, i.size_wh) for i in source.images]
@@ -81,7 +91,7 @@ def export(
             images_without_result=tuple(i.image_id for i in source.images if i.status != "ok"),
         ),
         images=tuple(images),
-        annotations=tuple(_annotations(source, predictions)),
+        annotations=tuple(_annotations(source, predictions, visible=visible)),
         categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
     )
     write_text(Path(output), _readable(document))
@@ -147,7 +157,7 @@ def _predictions(run: Run, vocabulary: Vocabulary) -> Predictions:
     )
 
 
-def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]:
+def _annotations(run: Run, predictions: Predictions, *, visible: bool) -> Iterator[CocoAnnotation]:
     """Predictions numbered from 1 in the run's order; a scene's with the names of their objects."""
     names = _objects(run)
     place: dict[int, int] = {}
@@ -166,7 +176,22 @@ def _annotations(run: Run, predictions: Predictions) -> Iterator[CocoAnnotation]
             iscrowd=0,
             score=result.score,
             attributes=names[image_id][nth] if image_id in names else UNSET,
+            **_visible_part(result, area) if visible else {},
         )
+
+
+def _visible_part(result: Prediction, area: float) -> dict[str, Any]:
+    if not result.visible_mask:
+        return {}
+    mask = _mask(result.visible_mask)
+    shown = float(areas_px([mask])[0])
+    return {
+        "inmodal_seg": result.visible_mask,
+        "inmodal_bbox": bounding_box(mask),
+        "a_area": area,
+        "i_area": shown,
+        "occlude_rate": max(area - shown, 0.0) / area if area else 0.0,
+    }
 
 
 def _objects(run: Run) -> dict[int, list[ObjectNames]]:

@@ -22,6 +22,7 @@ from legoworld.api.settings import (
 )
 from legoworld.errors import UsageError
 from legoworld.readouts import pictures
+from legoworld.readouts.amodal import AMODAL
 from legoworld.readouts.family import AnsweredImage
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import as_json, canonical
@@ -36,7 +37,7 @@ from legoworld.scene.snapshot import RenderSettings, SceneCamera
 from legoworld.tables.table import Table
 from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.track import Track
-from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
+from legoworld.visibility.amodal import Amodal
 from legoworld.visibility.projection import Projection
 
 if TYPE_CHECKING:
@@ -260,12 +261,13 @@ class SceneView:
         return np.array([i.bbox_xywh_px for i in self.labelled], np.int64).reshape(-1, 4)
 
     @cached_property
-    def _layers(self) -> AmodalLayers:
-        """Every instance of this view as if it were alone; drawn at the first question."""
-        view, render = self._inspection.view, self.render
-        return amodal_layers(
-            view.surfaces, view.projection, view.size_wh, depth_scale=render.unit_scale
-        )
+    def amodal(self) -> Amodal:
+        """Every instance of this view as if it were alone; drawn at the first question.
+
+        Its `direct_occluders`, `order` (layers and cycles) and `silhouettes` are of all instances,
+        by id.
+        """
+        return self._inspection.view.amodal()
 
     def amodal_masks(self) -> NDArray[np.bool_]:
         """(N, H, W) bool: what the picture would show of each of `labelled` if it stood alone.
@@ -273,15 +275,26 @@ class SceneView:
         Inside the frame; each contains its mask of `masks()`, and they may overlap. LegoWorldError
         where they are too large together.
         """
-        masks = [self._layers.mask(i.id) for i in self.labelled]
-        return np.array(masks, bool).reshape(len(masks), *self.instance.shape)
+        return self.amodal.layers.masks([i.id for i in self.labelled])
 
     def visible_of_in_frame(self) -> NDArray[np.float64]:
         """(N,) float64 in (0, 1]: the share of each amodal mask that is visible, in that order."""
-        areas = amodal_areas(self._layers, len(self.instances))
-        ids = [i.id for i in self.labelled]
-        visible = np.array([self.instances[i].area_px for i in ids], np.float64)
-        return visible / areas[ids]
+        return self._fractions("visible_of_in_frame")
+
+    def in_frame_of_whole(self) -> NDArray[np.float64]:
+        """(N,) float64: the share of each whole silhouette, on an infinite picture, in the frame.
+
+        NaN where the instance crosses the near plane, or its silhouette is too large to be drawn.
+        """
+        return self._fractions("in_frame_of_whole")
+
+    def visible_of_whole(self) -> NDArray[np.float64]:
+        """(N,) float64: the product of the two, NaN where the second is."""
+        return self._fractions("visible_of_whole")
+
+    def _fractions(self, name: str) -> NDArray[np.float64]:
+        made = self.amodal.silhouettes([i.id for i in self.labelled])
+        return np.array([getattr(one, name) for one in made], np.float64)
 
     def occluders(self) -> dict[int, dict[int, int]]:
         """Who hides whom: of each instance id the ids that the picture shows instead, with pixels.
@@ -289,11 +302,7 @@ class SceneView:
         Unlabelled instances are among them, and a holdout is -2. The pixels of one instance sum to
         its amodal area less its visible one.
         """
-        found: dict[int, dict[int, int]] = {}
-        pairs = occluders(self._layers)
-        for hidden, hiding, count in zip(pairs.hidden, pairs.hiding, pairs.count, strict=True):
-            found.setdefault(int(hidden), {})[int(hiding)] = int(count)
-        return found
+        return self.amodal.occluders.by_hidden()
 
     @check_arguments
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
@@ -328,8 +337,9 @@ class SceneView:
     @property
     def task_table(self) -> Table | None:
         """What the task says of this view in a table; None for a task that says nothing so."""
-        table = self._protocol.readout.table if self._protocol else None
-        return table(self._answered()) if table else None
+        if self._protocol is None or self._protocol.readout.table is None:
+            return None
+        return self._protocol.readout.table(self._protocol.card.reads, self._answered())
 
     def relations(self) -> FactBase:
         """What holds between the labelled and visible instances, each with a signed margin.
@@ -350,10 +360,7 @@ class SceneView:
         photo: a file or an (H, W, 3) uint8 RGB array; without one each instance has its own colour.
         Raises UsageError for a photo of a different size.
         """
-        if photo is None:
-            ground = pictures.instance_picture(self.instance)
-        else:
-            ground = photo if isinstance(photo, np.ndarray) else pictures.read_photo(Path(photo))
+        ground = self._ground(photo)
         if ground.shape != (*self.instance.shape, 3):
             raise UsageError(
                 "the photo and the view have different sizes",
@@ -362,6 +369,11 @@ class SceneView:
                 next_step="pass its width and height to view(size_wh=...)",
             )
         return pictures.overlay(ground, self.instance, self.instances)
+
+    def _ground(self, photo: Photo | None) -> NDArray[np.uint8]:
+        if photo is None:
+            return pictures.instance_picture(self.instance)
+        return photo if isinstance(photo, np.ndarray) else pictures.read_photo(Path(photo))
 
     def depth_picture(self) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB: colour-coded inverse depth; near is red, no hit dark grey."""
@@ -399,11 +411,19 @@ class SceneView:
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
         """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
 
-        Raises LegoWorldError for a photo of a different size.
+        Of a task of amodal masks also amodal.png. Raises LegoWorldError for a photo of a different
+        size.
         """
         if photo is not None:
             check_argument("folder", photo)
         write_inspection(self._inspection, Path(folder), None if photo is None else Path(photo))
+        if self._protocol is not None and self._protocol.card.reads == AMODAL:
+            ids = [i.id for i in self.instances if i.labelled and self.amodal.in_frame_px[i.id]]
+            pairs = zip(self.amodal.layers.masks(ids), map(self.mask, ids), strict=True)
+            picture = pictures.amodal_overlay(
+                self._ground(photo), dict(zip(ids, pairs, strict=True))
+            )
+            pictures.write_png(Path(folder) / "amodal.png", picture)
 
     def compared_with(self, other: SceneView) -> SourceComparison:
         """The disagreements between this view (of scene.blend) and another (of scene.glb)."""

@@ -54,6 +54,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     check_results,
     prediction_type,
 )
+from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -250,6 +251,14 @@ def _filled(
     return entries
 
 
+def _filled_amodal(
+    entries: list[Entry], sizes_wh: Mapping[int, tuple[int, int]], notice: Say
+) -> list[Entry]:
+    """Polygons as masks, also of visible parts, which KINS calls inmodal_seg."""
+    named = [{"visible_mask": e["inmodal_seg"], **e} if "inmodal_seg" in e else e for e in entries]
+    return with_masks(_filled(named, sizes_wh, notice), sizes_wh, "visible_mask")[0]
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Dialect:
     """How results of others are read. boxed: whether their boxes count, and so their format."""
@@ -262,6 +271,7 @@ class _Dialect:
 _DIALECTS: Final = {
     BOXES.name: _Dialect(boxed=True, prepared=_as_given),
     MASKS.name: _Dialect(boxed=False, prepared=_filled),
+    AMODAL.name: _Dialect(boxed=False, prepared=_filled_amodal),
 }
 
 

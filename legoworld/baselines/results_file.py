@@ -200,20 +200,20 @@ def _with_our_id(entry: Entry, by_id: Counter[int], numbering: Mapping[int, int]
 
 
 def with_masks(
-    entries: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]]
+    entries: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], key: str = "segmentation"
 ) -> tuple[list[Entry], int]:
     """Entries with polygons filled as pycocotools fills those of ground truth, and their number.
 
-    Anything but a polygon list is left to the next check.
+    key: where an entry has its mask. Anything but a polygon list is left to the next check.
     """
     filled, count = [], 0
     for entry in entries:
-        mask, image_id = entry.get("segmentation"), entry.get("image_id")
+        mask, image_id = entry.get(key), entry.get("image_id")
         size = sizes_wh.get(image_id) if mask and type(image_id) is int else None
         if size is not None and _are_polygons(mask):
             rle = compress_mask(mask, (size[1], size[0]))
             text: Entry = {"size": [size[1], size[0]], "counts": rle["counts"].decode("ascii")}
-            entry, count = {**entry, "segmentation": text}, count + 1
+            entry, count = {**entry, key: text}, count + 1
         filled.append(entry)
     return filled, count
 

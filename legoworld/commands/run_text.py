@@ -175,8 +175,9 @@ def _counts(summary: RunSummary) -> str:
     line = f"{share(coverage.ok, coverage.attempted, 'image', 'images')} read"
     if coverage.ok_empty is not UNSET:
         line += f" ({coverage.ok_empty} without any export)"
-    what = {"boxes": ("box", "boxes"), "masks": ("mask", "masks")}.get(_exports(summary.task))
-    if what:
+    masks = ("mask", "masks")
+    kinds = {"boxes": ("box", "boxes"), "masks": masks, "amodal": masks}
+    if what := kinds.get(_exports(summary.task)):
         line += f", {plural(summary.predictions or 0, *what)}"
     if summary.validity:
         line += f", {summary.validity.valid} valid"

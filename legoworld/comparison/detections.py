@@ -20,9 +20,15 @@ from legoworld.comparison.measures import (
     shared_draws,
 )
 from legoworld.comparison.subsets import counts_of_images, table_of_images
+from legoworld.evaluation.detection.amodal_sums import (
+    AMODAL_METRICS,
+    amodal_metrics,
+    amodal_values,
+)
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts, matched_metrics
+from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import (
     AREA_NAMES,
@@ -40,7 +46,7 @@ from legoworld.evaluation.detection.ranking.resampling import (
 )
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.comparison import Images, Level
+from legoworld.records.comparison import Better, Images, Level
 from legoworld.records.evidence import ComparisonSettings
 
 EQUAL: Final = "equal_confidence."
@@ -76,6 +82,12 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
                 metrics.append(
                     Metric(id=f"{kind}.{name}", policy="score_free", better="higher", level=level)
                 )
+    if protocol.payload is AMODAL:
+        for name in AMODAL_METRICS:
+            better: Better = "lower" if name.endswith("_error") else "higher"
+            metrics.append(
+                Metric(id=f"amodal.{name}", policy="score_free", better=better, level=TABLE)
+            )
     return metrics
 
 
@@ -106,7 +118,26 @@ def measure_detections(
         counts = counts_of_images(matches_file.counts_from(arrays, class_aware=aware), kept)
         for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
             measures[f"{kind}.{name}"] = measure
-    return measures
+    return measures | _amodal(side, kept, shared)
+
+
+def _amodal(side: StoredEvaluation, kept: NDArray[np.bool_], shared: Draws) -> Measures:
+    """Of amodal masks: what AP hides, from the rows; undefined without visible masks."""
+    if not side.detection.amodal:
+        return {}
+    sums = [row.amodal for row, yes in zip(side.detection_rows, kept, strict=True) if yes]
+    known = [one for one in sums if one]
+    samples = amodal_metrics(known, shared.counts) if known else {}
+    point = amodal_values(known) if known else {}
+    return {
+        f"amodal.{name}": Measure(
+            value=np.nan if point.get(name) is None else float(point[name] or 0),
+            samples=samples.get(name),
+            over={"images": len(sums)},
+            extra={},
+        )
+        for name in AMODAL_METRICS
+    }
 
 
 def _ranks(side: StoredEvaluation) -> bool:

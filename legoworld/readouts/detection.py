@@ -8,16 +8,20 @@ from typing import Final
 
 from msgspec import structs
 
+from legoworld.readouts.amodal import AMODAL, amodal_exports, amodal_table
 from legoworld.readouts.exports import box_exports, mask_exports
 from legoworld.readouts.family import AnsweredImage, Export, ReadoutFamily, unusable_row
 from legoworld.records.base import UNSET
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
+from legoworld.tables.table import Table
 
 _EXPORTERS: Final = {"boxes": box_exports, "masks": mask_exports}
 
 
 def _exports(reads: str, image: AnsweredImage) -> list[Export]:
+    if reads == AMODAL:
+        return amodal_exports(image)
     return _EXPORTERS[reads](image.image_id, image.instances, image.view)
 
 
@@ -42,4 +46,8 @@ def _n_predictions(row: RunRow) -> int:
     return row.n_predictions
 
 
-READOUT: Final = ReadoutFamily(exports=_exports, sum_up=_sum_up)
+def _table(reads: str, image: AnsweredImage) -> Table | None:
+    return amodal_table(image) if reads == AMODAL else None
+
+
+READOUT: Final = ReadoutFamily(exports=_exports, sum_up=_sum_up, table=_table)

@@ -47,7 +47,8 @@ class ReadoutFamily:
     there are none. sum_up: a run's summary with what is its own, of the rows that have a result.
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
-    family's options. table: what `inspect` shows of an image besides its instances. sum_up raises
+    family's options. table: what `inspect` shows of an image besides its instances,
+    by what the card says is read. sum_up raises
     RunDamagedError for rows that no run writes.
     """
 
@@ -56,7 +57,7 @@ class ReadoutFamily:
     write: Callable[[RunRow, AnsweredImage], RunRow] | None = None
     file_bytes: Callable[[tuple[int, int]], int] | None = None
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
-    table: Callable[[AnsweredImage], Table] | None = None
+    table: Callable[[str, AnsweredImage], Table | None] | None = None
     needs_instances: bool = True
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -35,6 +35,7 @@ _LABELLED, _UNLABELLED = 1, 2
 _BAND_ROWS: Final = 128
 
 Rgb = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
 
 
 def read_photo(path: Path, *, most_px: int = MOST_PHOTO_PX, name: str = "") -> Rgb:
@@ -106,6 +107,21 @@ def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[Instance
     _tint(picture, instance, shown)
     for entry in labelled:
         _draw_box(picture, entry)
+    return picture
+
+
+def amodal_overlay(ground: Rgb, masks: Mapping[int, tuple[Mask, Mask]]) -> Rgb:
+    """Outlines of amodal masks over a photo of the same size, what is hidden of them hatched.
+
+    masks: by instance id, amodal and visible, (H, W) each.
+    """
+    picture = ground.copy()
+    y, x = np.indices(picture.shape[:2])
+    hatching = (x + y) % 8 < 3
+    for ident, (amodal, visible) in masks.items():
+        picture[amodal & ~visible & hatching] = _color(ident)
+        edges, _ = cv2.findContours(amodal.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(picture, edges, -1, _color(ident), 2)
     return picture
 
 

@@ -44,7 +44,7 @@ def _write(row: RunRow, image: AnsweredImage) -> RunRow:
     return replace(row, answer=file, warnings=warnings)
 
 
-def _table(image: AnsweredImage) -> Table:
+def _table(_reads: str, image: AnsweredImage) -> Table:
     base = FactBase(relation_facts(image.view, image.instances, threads=image.threads))
     told = [row for row in base.rows() if row["asked"] and row["holds"]]
     columns = ("instance", "relation", "of", "margin", "unit")

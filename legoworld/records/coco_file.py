@@ -42,7 +42,9 @@ class ObjectNames(Record, frozen=True, kw_only=True):
 class CocoAnnotation(Record, frozen=True, kw_only=True):
     """A prediction as an annotation: its mask as compressed RLE, none for a box.
 
-    area: the mask's pixels, or the box's. attributes: name and objects of a scene's instance.
+    area: the mask's pixels, or the box's. inmodal_seg to occlude_rate: of an amodal mask, as KINS
+    and D2SA call them: its visible part, and pixels of both. attributes: name and objects of a
+    scene's instance.
     """
 
     id: int
@@ -53,6 +55,11 @@ class CocoAnnotation(Record, frozen=True, kw_only=True):
     segmentation: Segmentation
     iscrowd: int
     score: Number
+    inmodal_seg: Segmentation | UnsetType = UNSET
+    inmodal_bbox: Box | UnsetType = UNSET
+    a_area: float | UnsetType = UNSET
+    i_area: float | UnsetType = UNSET
+    occlude_rate: float | UnsetType = UNSET
     attributes: ObjectNames | UnsetType = UNSET
 
 

@@ -72,6 +72,26 @@ class PairSums(Record, frozen=True, kw_only=True):
     n_hits_right_label: int | UnsetType = UNSET
 
 
+class AmodalSums(Record, frozen=True, kw_only=True):
+    """Amodal masks of an image: what the numbers besides AP are made of. docs/protocols/amodal.md.
+
+    n_matched: truths with a prediction of their category at IoU 0.5; n_occluded: those with an
+    invisible part, invisible_iou_sum over them; n_hidden: those without a visible pixel; order:
+    pairs of which one is in front.
+    """
+
+    n_matched: int
+    fraction_error_sum: float
+    n_occluded: int
+    n_occluded_matched: int
+    invisible_iou_sum: float
+    n_hidden: int
+    n_hidden_matched: int
+    n_order_truth: int
+    n_order_predicted: int
+    n_order_right: int
+
+
 class DetectionRow(EvaluationRow, frozen=True, kw_only=True):
     """One image of boxes or masks."""
 
@@ -84,6 +104,7 @@ class DetectionRow(EvaluationRow, frozen=True, kw_only=True):
     greedy_50: Outcomes
     class_aware: PairSums
     class_agnostic: PairSums
+    amodal: AmodalSums | UnsetType = UNSET
 
     @property
     def has_score(self) -> bool:

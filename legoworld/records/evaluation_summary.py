@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.evaluation_rows import AmodalSums
 
 #: Metric -> value; None where the metric is undefined.
 Values = dict[str, float | None]
@@ -179,6 +180,27 @@ class DetectionCoverage(Coverage, frozen=True, kw_only=True):
     scored_without_predictions: int
 
 
+class OcclusionLevel(Record, frozen=True, kw_only=True):
+    """The evaluator's numbers where truths of another occlusion are ignored."""
+
+    truth_instances: int
+    metrics: Values
+
+
+class AmodalNumbers(Record, frozen=True, kw_only=True):
+    """What AP of amodal masks hides.
+
+    levels: by occlusion of the truth. controls: every number where each amodal mask is replaced by
+    the visible one, or by its convex hull. metrics and controls are empty, and there are no sums
+    over the images, where the predictions have no visible masks.
+    """
+
+    metrics: Values
+    sums: AmodalSums | UnsetType = UNSET
+    levels: dict[str, OcclusionLevel]
+    controls: dict[str, Values]
+
+
 class DetectionSummary(Summary, frozen=True, kw_only=True):
     """Of boxes and masks. official: the evaluator's numbers in its order, -1 where undefined."""
 
@@ -193,6 +215,7 @@ class DetectionSummary(Summary, frozen=True, kw_only=True):
     intervals: dict[str, Interval]
     counts: Counts
     warnings: tuple[str, ...]
+    amodal: AmodalNumbers | UnsetType = UNSET
 
     def metric_values(self) -> Iterator[MetricValue]:
         """The official metrics."""

@@ -58,6 +58,7 @@ class TrueAnnotation(Record, frozen=True, kw_only=True):
     bbox: Box
     area: Number | UnsetType = UNSET
     segmentation: Segmentation | UnsetType = UNSET
+    visible_mask: Segmentation | UnsetType = UNSET
     iscrowd: Number | UnsetType = UNSET
     ignore: Number | UnsetType = UNSET
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.track import Id
 
@@ -40,8 +42,36 @@ class MaskPrediction(Scored, frozen=True, kw_only=True, gc=False):
     bbox: object = UNSET
 
 
+class AmodalPrediction(MaskPrediction, frozen=True, kw_only=True, gc=False):
+    """A prediction where amodal masks are scored. visible_mask: where the source has one."""
+
+    visible_mask: Rle | UnsetType = UNSET
+
+
+#: Instances, None for all unlabelled geometry together, and pixels at which each hides another.
+Occluders = tuple[tuple[int | None, int], ...]
+
+
 class Prediction(Scored, frozen=True, kw_only=True, gc=False):
-    """A prediction as legoworld writes it: a box or a mask."""
+    """A prediction as legoworld writes it: a box or a mask.
+
+    Amodal: segmentation and bbox of the amodal mask; visible_mask and inmodal_bbox, zeros where
+    nothing is visible; the fractions of `Silhouette`, and why those of the whole are None;
+    instance: its id in the scene, which others' lists name; occluded_by: what the picture shows in
+    its place; directly_occluded_by: the nearest in front; layer and cycle as in `LayerOrder`.
+    """
 
     bbox: Box | UnsetType = UNSET
     segmentation: Rle | UnsetType = UNSET
+    visible_mask: Rle | UnsetType = UNSET
+    inmodal_bbox: Box | UnsetType = UNSET
+    occlude_rate: float | UnsetType = UNSET
+    visible_of_in_frame: float | UnsetType = UNSET
+    in_frame_of_whole: float | UnsetType | None = UNSET
+    visible_of_whole: float | UnsetType | None = UNSET
+    whole_unknown: Literal["crosses_near_plane", "canvas_too_large"] | UnsetType = UNSET
+    instance: int | UnsetType = UNSET
+    occluded_by: Occluders | UnsetType = UNSET
+    directly_occluded_by: Occluders | UnsetType = UNSET
+    layer: int | UnsetType = UNSET
+    cycle: tuple[int, ...] | UnsetType = UNSET

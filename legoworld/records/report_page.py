@@ -36,12 +36,13 @@ class DrawnTruth(Record, frozen=True, kw_only=True):
     """A truth as it is drawn.
 
     c: category id; box: x, y, w, h; where masks are scored, one of rle (pycocotools' compressed
-    counts) and polygons.
+    counts) and polygons; h: counts of the part of an amodal mask that is not visible.
     """
 
     c: int
     box: tuple[int | float, ...]
     rle: str | UnsetType = UNSET
+    h: str | UnsetType = UNSET
     polygons: tuple[tuple[int | float, ...], ...] | UnsetType = UNSET
 
 

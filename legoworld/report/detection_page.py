@@ -16,6 +16,8 @@ PAGE: Final = PageFamily(
         "APm": "AP medium",
         "APl": "AP large",
         "equal_confidence.AP": "AP, equal confidence",
+        "amodal.invisible_iou": "IoU of the invisible part",
+        "amodal.order_f1": "order of layers, F1",
         "class_aware.miou_gt_micro": "mean IoU per object",
         "class_aware.recall_50": "recall at IoU 0.5",
         "class_aware.precision_50": "precision at IoU 0.5",

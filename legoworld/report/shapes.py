@@ -54,6 +54,7 @@ def _outline(
     return {
         "box": _round_values(outline.box),
         "rle": UNSET if outline.rle is None else outline.rle,
+        "h": UNSET if outline.hidden is None else outline.hidden,
         "polygons": UNSET if polygons is None else tuple(map(_round_values, polygons)),
     }
 

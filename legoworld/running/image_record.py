@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -163,10 +163,13 @@ def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions
         view=seen,
         threads=options.threads,
     )
-    if vocabulary is not None:
-        row = _instance_report(row, scene, grouping, seen, vocabulary, options.threads)
+    exports = []
     if readout.exports is not None:
         exports = readout.exports(options.protocol.card.reads, answered)
+    if vocabulary is not None:
+        answers = {instance.id for _, instance in exports}
+        row = _instance_report(row, scene, grouping, seen, vocabulary, answers, options.threads)
+    if readout.exports is not None:
         predictions = tuple(prediction for prediction, _ in exports)
         row = replace(
             row,
@@ -199,9 +202,13 @@ def _instance_report(
     grouping: Grouping,
     seen: View,
     vocabulary: Vocabulary,
+    answers: Set[int],
     threads: int,
 ) -> RunRow:
-    """The row with the outcome of every label: exported, unseen and why, or outside."""
+    """The row with the outcome of every label: exported, unseen and why, or outside.
+
+    answers: the ids of the instances that have an answer; hidden ones may be among them.
+    """
     labelled = [i for i in grouping.instances if i.category is not None]
     unlabelled = [i for i in grouping.instances if i.category is None]
     nested = [i for i in grouping.nested if seen.area_px[i] > 0]
@@ -221,7 +228,14 @@ def _instance_report(
             Unmatched(label=text, count=count, nearest=tuple(vocabulary.nearest(text)))
             for text, count in grouping.outside_vocabulary.items()
         ),
-        unexported=_list_unexported(scene, grouping, labelled, seen, vocabulary, threads),
+        unexported=_list_unexported(
+            scene,
+            grouping,
+            [i for i in labelled if i.id not in answers],
+            seen,
+            vocabulary,
+            threads,
+        ),
     )
 
 
@@ -233,7 +247,7 @@ def _list_unexported(
     vocabulary: Vocabulary,
     threads: int,
 ) -> tuple[Unexported, ...]:
-    """Labelled instances without a pixel, by name."""
+    """Those of the labelled instances that have no pixel, by name."""
     unexported: list[Unexported] = []
     unseen = [i.id for i in labelled if seen.area_px[i.id] == 0]
     if unseen:

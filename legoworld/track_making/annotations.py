@@ -40,8 +40,10 @@ def annotation_source(task: str, path: Path) -> Source:
             found=str(path),
             expected="a COCO or LVIS annotation file",
         )
+    # Families of other answers may read anything of an annotation.
+    payload = PAYLOADS.get(load_card(task).reads, MASKS)
     try:
-        document = read_json(path.read_bytes())
+        document = payload.document(read_json(path.read_bytes()), str(path))
         entries, _ = document["images"], document["categories"]
     except (OSError, RecordError, KeyError, TypeError) as error:
         raise CatalogError(
@@ -70,8 +72,7 @@ def annotation_source(task: str, path: Path) -> Source:
             images=images,
             wanted=images,
             category_ids=(c.id for c in categories),
-            # Families of other answers may read anything of an annotation.
-            check_shapes=PAYLOADS.get(load_card(task).reads, MASKS).check_shapes,
+            check_shapes=payload.check_shapes,
             repairs=Counter(),
         )
     public = [{key: e[key] for key in _PUBLIC_KEYS if key in e} for e in images.values()]

@@ -94,11 +94,14 @@ LW_API int32_t lw_extents(const int32_t* instance, int32_t width, int32_t height
   return lw::extents(instance, width, height, instances, area, extent);
 }
 
-// Below 0: the negative of a status.
-LW_API int64_t lw_masks(const int32_t* instance, int32_t width, int32_t height, int64_t instances,
-                        char* text, int64_t space, int64_t* ends) {
+// start: null, and instance a picture of ids; or both as LwLayers has them. Below 0: the negative of a
+// status.
+LW_API int64_t lw_masks(const int64_t* start, const int32_t* instance, int32_t width, int32_t height,
+                        int64_t instances, char* text, int64_t space, int64_t* ends) {
   try {
-    return lw::masks(instance, width, height, instances, text, space, ends);
+    return lw::masks(start == nullptr ? lw::column_runs(instance, width, height)
+                                      : lw::layer_runs(start, instance, width, height, instances),
+                     static_cast<int64_t>(width) * height, instances, text, space, ends);
   } catch (const std::bad_alloc&) {
     return -lw::kNoMemory;
   }

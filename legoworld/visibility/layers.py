@@ -10,6 +10,7 @@ add up to four pictures of 1920 x 1080 take about 120 MB and a round. `max_entri
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -26,6 +27,9 @@ from legoworld.visibility.surfaces import HOLDOUT, Surfaces
 MAX_ENTRIES: Final = 2**28
 
 _TOO_MANY: Final = 4
+
+#: Entries whose pairs are counted together: bounds what the count takes in memory.
+_BLOCK: Final = 2**22
 
 #: Up to so many possible pairs, a table of all is faster than sorting those that occur.
 _FEW_PAIRS: Final = 2**20
@@ -61,6 +65,15 @@ class AmodalLayers:
         mask[np.searchsorted(self.start, entries, side="right") - 1] = True
         return mask.reshape(self.size_wh[::-1])
 
+    def masks(self, ids: Sequence[int]) -> NDArray[np.bool_]:
+        """The amodal masks of distinct instances in one pass over all entries: (N, H, W)."""
+        place = np.full(max([*ids, self.instance.max(initial=HOLDOUT)]) - HOLDOUT + 1, -1)
+        place[np.array(ids, np.int64) - HOLDOUT] = np.arange(len(ids))
+        at = place[self.instance - HOLDOUT]
+        masks = np.zeros((len(ids), len(self.start) - 1), bool)
+        masks[at[at >= 0], self.pixels()[at >= 0]] = True
+        return masks.reshape(len(ids), *self.size_wh[::-1])
+
     def nearest(self, k: int) -> AmodalLayers:
         """The first k entries of each pixel."""
         counts = np.diff(self.start)
@@ -81,6 +94,14 @@ class HiddenPixels:
     hidden: NDArray[np.int32]
     hiding: NDArray[np.int32]
     count: NDArray[np.int64]
+
+    def by_hidden(self) -> dict[int, dict[int, int]]:
+        """Of each hidden instance those that hide it, with their pixels."""
+        pixels: dict[int, dict[int, int]] = {}
+        pairs = zip(self.hidden.tolist(), self.hiding.tolist(), self.count.tolist(), strict=True)
+        for hidden, hiding, count in pairs:
+            pixels.setdefault(hidden, {})[hiding] = count
+        return pixels
 
 
 def amodal_layers(
@@ -173,21 +194,22 @@ def direct_occluders(layers: AmodalLayers) -> HiddenPixels:
 def _counted(hidden: NDArray[np.int32], hiding: NDArray[np.int32]) -> HiddenPixels:
     """Pairs of ids, counted; an instance with itself, the nearest of a pixel, is left out."""
     base = int(hidden.max(initial=HOLDOUT)) - HOLDOUT + 1
-    pair = hidden.astype(np.int64)
-    pair -= HOLDOUT
-    pair *= base
-    pair += hiding
-    pair -= HOLDOUT
-    if base * base <= _FEW_PAIRS:
-        every = np.bincount(pair, minlength=base * base)
-        pairs = np.flatnonzero(every)
-        count = every[pairs]
-    else:
-        pairs, count = np.unique(pair, return_counts=True)
+    pairs, count = np.empty(0, np.int64), np.empty(0, np.int64)
+    for first in range(0, len(hidden), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        pair = (hidden[block].astype(np.int64) - HOLDOUT) * base + hiding[block] - HOLDOUT
+        if base * base <= _FEW_PAIRS:
+            every = np.bincount(pair, minlength=base * base)
+            new = np.flatnonzero(every)
+            times = every[new]
+        else:
+            new, times = np.unique(pair, return_counts=True)
+        pairs, place = np.unique(np.concatenate([pairs, new]), return_inverse=True)
+        count = np.bincount(place, np.concatenate([count, times])).astype(np.int64)
     behind, front = pairs // base + HOLDOUT, pairs % base + HOLDOUT
     kept = (behind != front) & (behind >= 0)  # a holdout is never in the picture
     return HiddenPixels(
         hidden=behind[kept].astype(np.int32),
         hiding=front[kept].astype(np.int32),
-        count=count[kept].astype(np.int64),
+        count=count[kept],
     )

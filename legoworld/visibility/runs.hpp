@@ -1,4 +1,5 @@
-// Runs of equal ids of a finished picture: areas, extents, and masks as COCO writes them.
+// Runs of equal ids of a finished picture, or of the layers of one: areas, extents, and masks as COCO
+// writes them.
 
 namespace lw {
 
@@ -33,7 +34,7 @@ static int32_t extents(const int32_t* instance, int32_t width, int32_t height, i
 }
 
 struct Run {
-  int32_t id, first;  // first: in the order of columns
+  int32_t id, first, end;  // half-open, in the order of columns
 };
 
 // Runs down the columns; a run may continue in the next column.
@@ -64,7 +65,34 @@ static std::vector<Run> column_runs(const int32_t* instance, int32_t width, int3
         for (; y < end; ++y) {
           if (column[y] == last) continue;
           last = column[y];
-          runs.push_back(Run{last, (left + c) * height + y});
+          const int32_t first = (left + c) * height + y;
+          if (!runs.empty()) runs.back().end = first;
+          runs.push_back(Run{last, first, width * height});
+        }
+      }
+    }
+  }
+  return runs;
+}
+
+// Runs down the columns of every instance, which may overlap. start, instance: as LwLayers has them.
+static std::vector<Run> layer_runs(const int64_t* start, const int32_t* instance, int32_t width,
+                                   int32_t height, int64_t instances) {
+  std::vector<Run> runs;
+  std::vector<int64_t> newest(static_cast<size_t>(instances), -1);
+  for (int32_t x = 0; x < width; ++x) {
+    for (int32_t y = 0; y < height; ++y) {
+      const int64_t pixel = static_cast<int64_t>(y) * width + x;
+      const int32_t at = x * height + y;
+      for (int64_t k = start[pixel]; k < start[pixel + 1]; ++k) {
+        const int32_t id = instance[k];
+        if (id < 0 || id >= instances) continue;
+        int64_t& mine = newest[static_cast<size_t>(id)];
+        if (mine >= 0 && runs[static_cast<size_t>(mine)].end == at) {
+          ++runs[static_cast<size_t>(mine)].end;
+        } else {
+          mine = static_cast<int64_t>(runs.size());
+          runs.push_back(Run{id, at, at + 1});
         }
       }
     }
@@ -101,10 +129,8 @@ struct Text {
 
 // The compressed run lengths of the instances 0..instances - 1, one text after another; ends: where
 // each of them ends. Returns how many characters they take, also where the space is not enough.
-static int64_t masks(const int32_t* instance, int32_t width, int32_t height, int64_t instances,
-                     char* text, int64_t space, int64_t* ends) {
-  const std::vector<Run> runs = column_runs(instance, width, height);
-  const int64_t pixels = static_cast<int64_t>(width) * height;
+static int64_t masks(const std::vector<Run>& runs, int64_t pixels, int64_t instances, char* text,
+                     int64_t space, int64_t* ends) {
   std::vector<int64_t> begin(static_cast<size_t>(instances) + 1);
   for (const Run& run : runs) {
     if (run.id >= 0 && run.id < instances) ++begin[static_cast<size_t>(run.id) + 1];
@@ -120,11 +146,10 @@ static int64_t masks(const int32_t* instance, int32_t width, int32_t height, int
     int64_t reached = 0;
     out.begin();
     for (int64_t k = begin[i]; k < begin[i + 1]; ++k) {
-      const size_t r = order[k];
-      const int64_t end = r + 1 < runs.size() ? runs[r + 1].first : pixels;
-      out.add(runs[r].first - reached);
-      out.add(end - runs[r].first);
-      reached = end;
+      const Run& run = runs[order[k]];
+      out.add(run.first - reached);
+      out.add(run.end - run.first);
+      reached = run.end;
     }
     if (reached < pixels) out.add(pixels - reached);
     ends[i] = out.used;

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, ShapeError
+from legoworld.visibility.layers import AmodalLayers
 from legoworld.visibility.library import library
 
 #: Characters a mask is first given; where all take more, they are written again.
@@ -45,23 +46,26 @@ def instance_extents(
 
 
 class ColumnRuns:
-    """The masks of an (H, W) id picture as COCO writes them: compressed runs down its columns.
+    """The masks of a picture as COCO writes them: compressed runs down its columns.
 
     Computed once for the instances 0..n_instances - 1: a separate mask each would cost H x W per
-    instance.
+    instance. instance: (H, W) ids; or the layers of a picture, whose masks may overlap.
     """
 
-    def __init__(self, instance: NDArray[np.int32], n_instances: int) -> None:
-        ids = np.ascontiguousarray(instance, np.int32)
-        self.size_hw: tuple[int, int] = (ids.shape[0], ids.shape[1])
+    def __init__(self, instance: NDArray[np.int32] | AmodalLayers, n_instances: int) -> None:
+        layers = None if isinstance(instance, np.ndarray) else instance
+        ids = np.ascontiguousarray(layers.instance if layers else instance, np.int32)
+        width, height = layers.size_wh if layers else ids.shape[::-1]
+        self.size_hw: tuple[int, int] = (height, width)
         self._ends = np.empty(n_instances, np.int64)
         space = ids.size // 8 + _ONE_MASK * n_instances
         while True:
             text = np.empty(space, np.uint8)
             needed = library().lw_masks(
+                ctypes.c_void_p(layers.start.ctypes.data if layers else None),
                 ctypes.c_void_p(ids.ctypes.data),
-                ctypes.c_int32(ids.shape[1]),
-                ctypes.c_int32(ids.shape[0]),
+                ctypes.c_int32(width),
+                ctypes.c_int32(height),
                 ctypes.c_int64(n_instances),
                 ctypes.c_void_p(text.ctypes.data),
                 ctypes.c_int64(space),

@@ -13,8 +13,10 @@ from legoworld.conventions import ALPHA_THRESHOLD
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
+from legoworld.visibility.amodal import Amodal
 from legoworld.visibility.camera import projection
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
+from legoworld.visibility.layers import amodal_layers
 from legoworld.visibility.normals import Normals, geometric_normals
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.runs import instance_extents
@@ -47,6 +49,25 @@ class View:
     buffers: Buffers
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
+
+    def amodal(self, *, threads: int | None = None) -> Amodal:
+        """Every instance of the same picture as if it were alone, by another drawing.
+
+        LegoWorldError where the masks are too large together (`layers.MAX_ENTRIES`).
+        """
+        layers = amodal_layers(
+            self.surfaces,
+            self.projection,
+            self.size_wh,
+            depth_scale=self.depth_scale,
+            threads=threads,
+        )
+        return Amodal(
+            layers=layers,
+            surfaces=self.surfaces,
+            projection=self.projection,
+            visible_px=self.area_px,
+        )
 
     def normals(self, *, threads: int | None = None) -> Normals:
         """Geometric normals of the same picture, by another drawing.

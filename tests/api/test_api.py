@@ -16,6 +16,7 @@ from pycocotools import mask as coco_mask
 import legoworld
 from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, SceneMissingError, UsageError
+from legoworld.readouts.pictures import read_photo
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "examples"
@@ -192,8 +193,25 @@ def test_amodal_masks_contain_what_is_visible_and_hidden_pixels_add_up(view):
     share = view.visible_of_in_frame()
     assert share == pytest.approx(visible.sum((1, 2)) / amodal.sum((1, 2)), abs=1e-15)
     assert 0 < share.min() < 1, "the spoon hides a part of the saucer"
+    in_frame = view.in_frame_of_whole()
+    assert view.visible_of_whole() == pytest.approx(share * in_frame, nan_ok=True)
+    assert 0 < np.nanmin(in_frame) <= np.nanmax(in_frame) == 1
     hidden_by = view.occluders()
     for row, mask in zip(view.labelled, amodal, strict=True):
         assert sum(hidden_by.get(row.id, {}).values()) == mask.sum() - row.area_px
         for other, pixels in hidden_by.get(row.id, {}).items():
             assert pixels == (mask & (view.instance == other)).sum()
+
+
+def test_a_view_of_amodal_masks_is_saved_with_what_is_hidden(tmp_path):
+    view = legoworld.open_scene(COFFEE).view(task="amodal", size_wh=(150, 100))
+    rows = {row[1]: row for row in view.task_table.rows}
+    assert rows.keys() == {i.name for i in view.labelled}
+    cup, spoon = (next(i.id for i in view.labelled if i.name == name) for name in ("Cup", "Spoon"))
+    assert rows["Spoon"][-1].startswith(f"{cup} (")
+    assert len(view.to_dict()["table"]) == len(rows)
+    view.save(tmp_path)
+    picture = read_photo(tmp_path / "amodal.png")
+    hidden = view.amodal.layers.mask(spoon) & ~view.mask(spoon)
+    assert (picture != view.overlay())[hidden].any(), "hatched over the cup"
+    assert legoworld.open_scene(COFFEE).view(task="coco").task_table is None

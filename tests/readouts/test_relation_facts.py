@@ -152,7 +152,7 @@ def test_the_file_holds_the_facts_and_names_what_is_left_out(tmp_path, monkeypat
     assert row.answer.bytes == len(data)
     assert decode(AnswerFile, data).facts == relation_facts(view, instances)
     assert [o["category"] for o in json.loads(data)["facts"]["objects"]] == ["cup", "plate"]
-    told = [tuple(map(str, cells)) for cells in READOUT.table(image).rows]
+    told = [tuple(map(str, cells)) for cells in READOUT.table("relations", image).rows]
     assert ("0 cup", "left_of", "1 plate", "1.00", "m") in told
 
 

@@ -361,3 +361,18 @@ def test_what_differs_from_an_earlier_run_is_shown(more, said, scenes, done, cap
     assert said in error
     assert "task" not in error.split("found:")[1].split("expected:")[0]
     assert tree(done) == before
+
+
+def test_what_is_hidden_has_an_amodal_result_and_is_not_missed(scenes, tmp_path):
+    outputs = [tmp_path / "one", tmp_path / "two"]
+    for workers, output in enumerate(outputs, start=1):
+        assert run(scenes, output, "--workers", workers, task="amodal") == 1
+    first, second = (output / "predictions.json" for output in outputs)
+    assert first.read_bytes() == second.read_bytes()
+    row = rows_of(outputs[0])[-1]
+    assert [u["name"] for u in row["unexported"]] == ["Beside", "Ghost"]
+    assert sorted(e["name"] for e in row["exported"]) == ["Chair", "Cup", "Hidden", "Table"]
+    hidden = next(p for p in json.loads(first.read_text()) if not p["visible_of_in_frame"])
+    assert hidden["bbox"] == [7, 53, 4, 4]
+    assert hidden["occluded_by"] == [[None, 16]]
+    assert hidden["in_frame_of_whole"] == 1

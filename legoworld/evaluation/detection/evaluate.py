@@ -7,8 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from msgspec import structs
 
 from legoworld.evaluation.detection import lvis_package
+from legoworld.evaluation.detection.amodal_scores import score_amodal
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.detection.inputs.predictions import (
     Predictions,
@@ -20,6 +22,7 @@ from legoworld.evaluation.detection.inputs.truth import Truth, read_truth
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
+from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Ints
 from legoworld.evaluation.detection.protocols import (
     AREA_NAMES,
@@ -48,6 +51,7 @@ from legoworld.records.detection import (
     RawScores,
     RunOrigin,
 )
+from legoworld.records.evaluation_rows import AmodalSums
 from legoworld.records.evaluation_summary import (
     Counts,
     DetectionCoverage,
@@ -113,11 +117,16 @@ def evaluate_detections(
         notice("the same predictions under equal confidence")
         equal = ranked_score(request, _kept_equal(predictions, own), notice)
     summary = _summary(run, request, predictions, own, equal)
+    sums: list[AmodalSums] = []
+    if protocol.payload is AMODAL:
+        amodal, intervals, sums = score_amodal(request, predictions, own, notice)
+        intervals = {**summary.intervals, **intervals}
+        summary = structs.replace(summary, amodal=amodal, intervals=intervals)
     evaluation = Evaluation(
         summary=summary,
         evidence=_evidence(configuration, summary, run, protocol, predictions, own),
         inputs=inputs,
-        per_image=per_image_rows(run, predictions, own),
+        per_image=per_image_rows(run, predictions, own, sums),
         per_category=per_category_rows(truth, own),
         matches=matches_file.pack_matches(own, equal),
         view={**views(truth, predictions, own), "run.json": run_view(run)},

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
+from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.payloads.payload import IouType, Payload
@@ -19,7 +20,7 @@ from legoworld.tasks.registry import family_tasks, find_task
 from legoworld.tasks.shipped import DETECTION
 
 #: By the card's `readout.reads`.
-PAYLOADS: Final[Mapping[str, Payload]] = {one.name: one for one in (BOXES, MASKS)}
+PAYLOADS: Final[Mapping[str, Payload]] = {one.name: one for one in (BOXES, MASKS, AMODAL)}
 
 #: COCO's and LVIS's area ranges in px^2, both ends included: all, small, medium, large.
 AREA_NAMES: Final = ("all", "small", "medium", "large")

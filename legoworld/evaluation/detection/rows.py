@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,15 @@ from legoworld.evaluation.detection.problem import Ints
 from legoworld.evaluation.detection.scoring import Score, category_precision
 from legoworld.evaluation.run import Run
 from legoworld.records.base import UNSET, number
-from legoworld.records.evaluation_rows import CategoryRow, DetectionRow, Outcomes
+from legoworld.records.evaluation_rows import AmodalSums, CategoryRow, DetectionRow, Outcomes
 
 _OUTCOMES = {FALSE_POSITIVE: "fp", TRUE_POSITIVE: "tp", IGNORED: "ignored"}
 
 
-def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[DetectionRow]:
-    """One row for every attempted image, ascending id."""
+def per_image_rows(
+    run: Run, predictions: Predictions, score: Score, amodal: Sequence[AmodalSums] = ()
+) -> list[DetectionRow]:
+    """One row for every attempted image, ascending id. amodal: of each, or none."""
     problem, table = score.problem, score.table
     n = len(problem.image_ids)
     predicted = np.searchsorted(problem.image_ids, predictions.entries.image_id)
@@ -46,6 +49,7 @@ def per_image_rows(run: Run, predictions: Predictions, score: Score) -> list[Det
             greedy_50=outcomes[k],
             class_aware=aware[k],
             class_agnostic=agnostic[k],
+            amodal=amodal[k] if amodal else UNSET,
         )
         for k, image in enumerate(run.images)
     ]
@@ -120,7 +124,8 @@ def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any
                 "pair_iou": pair[1] if pair else None,
             }
         )
-    keys = ("id", "image_id", "category_id", "bbox", "segmentation", "area", "iscrowd", "ignore")
+    keys = ("id", "image_id", "category_id", "bbox", "segmentation", "visible_mask", "area",
+            "iscrowd", "ignore")  # fmt: skip
     return {
         "truth.json": {
             "images": [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from legoworld.evaluation.detection.amodal_text import amodal_part, short_amodal
 from legoworld.evaluation.detection.protocols import (
     DetectionProtocol,
     Metric,
@@ -56,6 +57,7 @@ def short_detections(summary: DetectionSummary) -> str:
         f"{plural(matched.n_dt, 'prediction', 'predictions')}; mean IoU "
         f"{fraction(matched.miou_gt_micro)}"
     )
+    lines += short_amodal(summary)
     if summary.partial:
         lines.append("partial run: only some images of its track were attempted")
     warnings = [f"warning: {text}" for text in summary.warnings]
@@ -103,6 +105,7 @@ def detection_metrics(summary: DetectionSummary) -> list[MetricPart]:
             note="Read miou_gt together with precision and recall: flooding a photo with objects "
             "raises the first, abstaining raises miou_matched.",
         ),
+        *amodal_part(summary),
     ]
 
 

@@ -3,7 +3,7 @@
 
 import { el, svg } from "./elements.js";
 import { SIGNS, WORDS, describe, inDrawingOrder } from "./outcomes.js";
-import { shapePath } from "./shapes.js";
+import { maskPath, shapePath } from "./shapes.js";
 import { pictureUrl } from "./views.js";
 
 /* A picture in a frame, stretched to the size the outlines are drawn for. */
@@ -20,12 +20,20 @@ export function outlines(items, side, size) {
     const path = shapePath(item.shape, size);
     const ids = String(item.id);
     return svg("g", { class: "shape s-" + item.layer, "data-items": ids }, [
+      item.shape.h ? svg("path", { class: "hatched", d: maskPath(item.shape.h, size[1]) }) : null,
       svg("path", { class: "halo", d: path }),
       svg("path", { class: "line", d: path }, [svg("title", {}, [describe(item)])]),
     ]);
   });
-  return svg("g", { class: "outlines" }, [...shapes, svg("g", { class: "tags" }, tags(mine, size)),
+  return svg("g", { class: "outlines" }, [hatching(size), ...shapes, svg("g", { class: "tags" }, tags(mine, size)),
     svg("g", { class: "relation" })]);
+}
+
+/* Diagonal lines, for what is not visible of a shape. */
+function hatching(size) {
+  const step = Math.max(size[0] / 90, 2);
+  return svg("pattern", { id: "hatch", width: step, height: step, patternUnits: "userSpaceOnUse",
+    patternTransform: "rotate(45)" }, [svg("rect", { class: "hatch-line", width: step / 4, height: step })]);
 }
 
 /* Names that do not cover each other: what is missed first, then what is false. */

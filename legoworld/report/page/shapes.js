@@ -89,7 +89,7 @@ function partners(points, along) {
 }
 
 /* SVG path data, to be filled by the even-odd rule. */
-function maskPath(counts, height) {
+export function maskPath(counts, height) {
   const area = painted(counts, height);
   if (area.right < 0) { return ""; }
   const points = corners(padded(area, height));

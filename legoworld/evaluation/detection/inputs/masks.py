@@ -130,6 +130,27 @@ def measure_masks(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.
     return covered, area
 
 
+def intersection_px(one: EncodedMask, other: EncodedMask) -> int:
+    """Pixels that two compressed masks of one size share."""
+    return int(_API.area(_API.merge([one, other], intersect=True)))
+
+
+def decompress_mask(mask: EncodedMask) -> NDArray[np.uint8]:
+    """(H, W) uint8 of a compressed mask: 0 and 1."""
+    return np.ascontiguousarray(_API.decode(mask))
+
+
+def compress_array(mask: NDArray[Any]) -> EncodedMask:
+    """A compressed mask of an (H, W) array of 0 and 1, or of bool."""
+    made: EncodedMask = _API.encode(np.asfortranarray(mask, np.uint8))
+    return made
+
+
+def difference(one: EncodedMask, other: EncodedMask) -> EncodedMask:
+    """What of a compressed mask lies outside of another."""
+    return compress_array(decompress_mask(one) > decompress_mask(other))
+
+
 def bounding_box(mask: EncodedMask) -> tuple[float, float, float, float]:
     """x, y, w, h of a compressed mask's pixels, with pixel edges."""
     x, y, width, height = _API.toBbox(mask).tolist()

@@ -16,7 +16,7 @@ from legoworld.files import Json
 from legoworld.pluralize import plural, share, word_for
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.folders.prediction_files import LIKE
-from legoworld.records.predictions import MaskPrediction, Scored
+from legoworld.records.predictions import MaskPrediction, Rle, Scored
 from legoworld.tracks.vocabulary import Vocabulary
 
 _P = TypeVar("_P", bound=Scored)
@@ -111,13 +111,14 @@ def check_scores(score: NDArray[Any]) -> None:
     )
 
 
-def compressed_counts(prediction: MaskPrediction) -> str:
-    """pycocotools' counts of a mask of plain run lengths.
+def compressed_counts(prediction: MaskPrediction, mask: Rle | None = None) -> str:
+    """pycocotools' counts of a mask of plain run lengths. mask: None for its segmentation.
 
     PredictionsInvalidError where they do not add up to the mask's size.
     """
-    height, width = prediction.segmentation.size
-    rle = {"size": [height, width], "counts": [*prediction.segmentation.counts]}
+    mask = mask or prediction.segmentation
+    height, width = mask.size
+    rle = {"size": [height, width], "counts": [*mask.counts]}
     problem = rle_problem(rle, (width, height))
     if problem:
         raise unusable_mask(prediction.image_id, prediction.category_id, problem)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import gc
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import chain
+from dataclasses import dataclass, replace
+from itertools import chain, repeat
 from typing import Any, overload
 
 import numpy as np
@@ -38,7 +38,7 @@ class PredictionColumns(Sequence[Prediction]):
 
     image_id, category_id: (n,); score: (n,) float64, or objects where integers are among them;
     shape: (n,) boxes as given, or compressed counts; sizes_wh: of the images, None where shapes are
-    boxes.
+    boxes; visible: of amodal masks, the compressed counts of their visible parts.
     """
 
     image_id: Ints
@@ -46,6 +46,7 @@ class PredictionColumns(Sequence[Prediction]):
     score: NDArray[Any]
     shape: tuple[Box, ...] | Texts
     sizes_wh: Sizes | None
+    visible: Texts | None = None
 
     def take(self, places: Ints) -> PredictionColumns:
         """The predictions at these positions, in their order."""
@@ -59,38 +60,51 @@ class PredictionColumns(Sequence[Prediction]):
             score=self.score[places],
             shape=shape,
             sizes_wh=self.sizes_wh,
+            visible=None if self.visible is None else self.visible.take(places),
         )
 
     def documents(self) -> Iterator[dict[str, Json]]:
         """Every prediction as JSON has it."""
         ids = self.image_id.tolist(), self.category_id.tolist()
-        for image_id, category_id, shape, score in zip(
-            *ids, self.shape, self.score.tolist(), strict=True
+        for image_id, category_id, shape, score, visible in zip(
+            *ids, self.shape, self.score.tolist(), self._visible(), strict=True
         ):
             entry = {"image_id": image_id, "category_id": category_id, "score": score}
             if self.sizes_wh is None:
                 yield {**entry, "bbox": list(shape)}
-            else:
-                width, height = self.sizes_wh[image_id]
-                yield {**entry, "segmentation": {"size": [height, width], "counts": shape}}
+                continue
+            width, height = self.sizes_wh[image_id]
+            entry["segmentation"] = {"size": [height, width], "counts": shape}
+            if visible is not None:
+                entry["visible_mask"] = {"size": [height, width], "counts": visible}
+            yield entry
+
+    def _visible(self) -> Iterable[str | None]:
+        return repeat(None, len(self)) if self.visible is None else self.visible
 
     def lines(self) -> Iterator[str]:
         """`canonical_json` of every prediction."""
         columns = self.category_id, self.image_id, self.score
-        values = zip(*(column.tolist() for column in columns), self.shape, strict=True)
+        values = zip(
+            *(column.tolist() for column in columns), self.shape, self._visible(), strict=True
+        )
         if self.sizes_wh is None:
-            for category_id, image_id, score, box in values:
+            for category_id, image_id, score, box, _ in values:
                 numbers = ",".join(map(repr, box))
                 yield (
                     f'{{"bbox":[{numbers}],"category_id":{category_id},"image_id":{image_id},'
                     f'"score":{score!r}}}'
                 )
             return
-        for category_id, image_id, score, counts in values:
+        for category_id, image_id, score, counts, visible in values:
             width, height = self.sizes_wh[image_id]
+            size = f'"size":[{height},{width}]'
+            more = ""
+            if visible is not None:
+                more = f',"visible_mask":{{"counts":{canonical_json(visible)},{size}}}'
             yield (
                 f'{{"category_id":{category_id},"image_id":{image_id},"score":{score!r},'
-                f'"segmentation":{{"counts":{canonical_json(counts)},"size":[{height},{width}]}}}}'
+                f'"segmentation":{{"counts":{canonical_json(counts)},{size}}}{more}}}'
             )
 
     def results(self) -> list[dict[str, Json]]:
@@ -112,7 +126,7 @@ class PredictionColumns(Sequence[Prediction]):
 
     def __iter__(self) -> Iterator[Prediction]:
         ids = self.image_id.tolist(), self.category_id.tolist()
-        return map(self._prediction, *ids, self.shape, self.score.tolist())
+        return map(self._prediction, *ids, self.shape, self.score.tolist(), self._visible())
 
     @overload
     def __getitem__(self, index: int) -> Prediction: ...
@@ -123,10 +137,11 @@ class PredictionColumns(Sequence[Prediction]):
         assert isinstance(index, int)
         columns = self.image_id, self.category_id, self.score
         image_id, category_id, score = (column[[index]].tolist()[0] for column in columns)
-        return self._prediction(image_id, category_id, self.shape[index], score)
+        visible = None if self.visible is None else self.visible[index]
+        return self._prediction(image_id, category_id, self.shape[index], score, visible)
 
     def _prediction(
-        self, image_id: int, category_id: int, shape: Box | str, score: Number
+        self, image_id: int, category_id: int, shape: Box | str, score: Number, visible: str | None
     ) -> Prediction:
         if self.sizes_wh is None:
             assert not isinstance(shape, str)
@@ -138,6 +153,7 @@ class PredictionColumns(Sequence[Prediction]):
             category_id=category_id,
             segmentation=Rle(size=(height, width), counts=shape),
             score=score,
+            visible_mask=UNSET if visible is None else Rle(size=(height, width), counts=visible),
         )
 
 
@@ -202,14 +218,17 @@ def make_columns(predictions: Sequence[Prediction]) -> PredictionColumns:
     boxes = tuple(p.bbox for p in predictions if p.bbox)
     if len(boxes) == len(predictions):
         return head.columns(boxes, None)
-    counts, sizes_wh = TextBuilder(), {}
+    counts, visible, sizes_wh = TextBuilder(), TextBuilder(), {}
     for prediction in predictions:
         mask = prediction.segmentation
         assert mask
         assert isinstance(mask.counts, str)
         counts.add([mask.counts])
         sizes_wh[prediction.image_id] = mask.size[1], mask.size[0]
-    return head.columns(counts.texts(), sizes_wh)
+        if prediction.visible_mask:
+            visible.add([str(prediction.visible_mask.counts)])
+    columns, seen = head.columns(counts.texts(), sizes_wh), visible.texts()
+    return replace(columns, visible=seen) if len(seen) == len(columns) > 0 else columns
 
 
 class _Heads:

@@ -62,7 +62,7 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
     TruthInvalidError: the file is broken. TruthMismatchError: its images, categories or version
     differ from the run's.
     """
-    document = _document(path)
+    document = _document(path, protocol)
     vocabulary = from_json(document["categories"], str(path))
     version = dataset_version(vocabulary, protocol.task)
     _check_vocabulary(path, vocabulary, version, run)
@@ -92,9 +92,9 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
     )
 
 
-def _document(path: Path) -> dict[str, Any]:
+def _document(path: Path, protocol: DetectionProtocol) -> dict[str, Any]:
     try:
-        document = read_json(path.read_bytes())
+        document = protocol.payload.document(read_json(path.read_bytes()), str(path))
     except (OSError, RecordError) as error:
         raise TruthInvalidError(
             f"the truth {path} cannot be read",

@@ -56,11 +56,19 @@ class Checking:
 
 @dataclass(frozen=True, kw_only=True)
 class Outline:
-    """What is drawn of a row: its box, and compressed counts or polygons where it has them."""
+    """What is drawn of a row: its box, and compressed counts or polygons where it has them.
+
+    hidden: compressed counts of the part of an amodal mask that is not visible.
+    """
 
     box: Sequence[float]
+    hidden: str | None = None
     rle: str | None = None
     polygons: Sequence[Sequence[float]] | None = None
+
+
+def _as_is(document: Foreign, _name: str) -> Foreign:
+    return document
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +79,7 @@ class Payload:
     prediction is read as; field: of an annotation, where its shape is.
     given: predictions as columns; checked: them in order, and how many were dropped as empty,
     PredictionsInvalidError for others.
+    document: a truth file's content in the form that the rest reads, TruthInvalidError.
     check_shapes: annotations of wanted images, by all of the file's images, wherever shapes matter;
     check_format: also, where they are scored. TruthInvalidError.
     packed: shapes of a chunk as it keeps them; overlaps: of a chunk's detections and truths.
@@ -91,3 +100,4 @@ class Payload:
     shape: Callable[[Row, tuple[int, int]], Any]
     together: Callable[[Sequence[Any]], Any]
     outline: Callable[[Row, tuple[int, int]], Outline]
+    document: Callable[[Foreign, str], Foreign] = _as_is
