@@ -71,7 +71,6 @@ def import_command(results: Path, output: Path, out: Output, **given: Any) -> in
 
     \b
     Examples:
-      legoworld baseline import results.json --task coco --track track.json -o runs/theirs
       legoworld baseline import dino.json --task coco --track track.json --box-format cxcywh \\
           --subset --name DINO -o runs/dino
       legoworld baseline import depths --task eth3d --track eth3d.json --space ray_distance \\
