@@ -77,12 +77,13 @@ def import_command(
     out: Output,
     **declared: object,
 ) -> int:
-    """Import SOURCE, a results JSON, answers.jsonl, or a folder of depth or normals, as a run.
+    """Import SOURCE, a results file or a folder of depth, normals or classes, as a run.
 
     Input that `legoworld evaluate` would refuse is refused here. Categories and photos are matched
     by name where the results contain names. Arrays mirror the track: <file_name without
     extension>.npy, .npz, .pfm, .exr, .png or .tiff; docs/baselines.md lists the other accepted
-    names. An image without an array is recorded as missing.
+    names. An image without an array is recorded as missing. Panoptic results are panopticapi's JSON
+    with the folder of its name beside it; classes are PNGs of category ids.
 
     \b
     Examples:
@@ -94,6 +95,7 @@ def import_command(
       legoworld baseline import dsine --task normals --track track.json \\
           --sign away_from_camera -o runs/dsine
       legoworld baseline import answers.jsonl --task relations --track track.json -o runs/vlm
+      legoworld baseline import panoptic.json --task coco-panoptic --track track.json -o runs/theirs
     """
     from legoworld.baselines.baseline_import import ImportRequest
     from legoworld.baselines.baseline_import import images_run as read_images_run
