@@ -62,12 +62,13 @@ from legoworld.commands.progress import shown_progress
 @option("--overwrite", "Replace an existing import in the folder.")
 @options.printing
 def import_command(results: Path, output: Path, out: Output, **given: Any) -> int:
-    """Import SOURCE, a results JSON, answers.jsonl, or a folder of depth or normals, as a run.
+    """Import SOURCE, a results file or a folder of depth, normals or classes, as a run.
 
     Input that `legoworld evaluate` would refuse is refused here. Categories and photos are matched
     by name where the results contain names. Arrays mirror the track: <file_name without
     extension>.npy, .npz, .pfm, .exr, .png or .tiff; docs/baselines.md lists the other accepted
-    names. An image without an array is recorded as missing.
+    names. An image without an array is recorded as missing. Panoptic results are panopticapi's JSON
+    with the folder of its name beside it; classes are PNGs of category ids.
 
     \b
     Examples:

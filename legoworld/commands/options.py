@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 _FLAG: Final = {"is_flag": True}
-ANNOTATIONS: Final = "COCO or LVIS annotations (JSON), or a folder of measured depth."
+ANNOTATIONS: Final = (
+    "COCO, LVIS or panoptic annotations (JSON), or a folder of measured depth, normals or classes."
+)
 
 #: The names of an option, the last one its parameter's; its help; and what else click is told. A
 #: command's own help and settings go before these. "": every command has its own help.

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 @option("--engine")
 @option("--images-per-file")
 @option("--max-side", "Depth and normals: longest side of the rendered image, in pixels.", COUNT)
+@option("--sky", "Panoptic, semantic: category of pixels without geometry [default: VOID].")
 @option("--no-render", "Bench only: R without A, no Cycles render.")
 @flag("--render-noise", "Bench only: render a second seed and compare.")
 @option("--overwrite")
@@ -73,7 +74,7 @@ def command(
     out: Output,
     **given: Unpack[ReadoutOptions],
 ) -> int:
-    """Read COCO boxes or masks, LVIS masks, depth or bench submissions out of frozen SCENES.
+    """Read boxes, masks, segments, depth, normals or bench submissions out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
     --track every scene folder is an image. Several --task write RUNS/<task> for each, byte for byte

@@ -50,7 +50,8 @@ def merge_shards(
     alone = len(shards) == 1 and not configurations[0].shard
     whole = configurations[0] if alone else _undivided_configuration(list(shards), configurations)
     configuration = run_folder.divide_configuration(whole, images_per_file)
-    with_predictions = load_readout_family(task_named(configuration.task)).exports is not None
+    readout = load_readout_family(task_named(configuration.task))
+    with_predictions = readout.exports is not None
     _refuse_division(images_per_file, with_predictions=with_predictions)
     _refuse_own_output(shards, output)
     with run_folder.lock_run(output):
@@ -68,6 +69,7 @@ def merge_shards(
             run=replace(document, configuration=configuration),
             summary=summary,
             with_predictions=with_predictions,
+            complete=readout.complete,
         )
     return RunResult(rows=tuple(rows), summary=summary)
 

@@ -18,10 +18,12 @@ from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
 from legoworld.readouts.protocol import protocol
 from legoworld.shipped import catalog
+from legoworld.tasks.shipped import TASKS as SHIPPED
 from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.vocabulary import Category, Vocabulary
 
-LABELLED = ["coco", "coco-masks", "amodal", "lvis"]
+MAPS = [task.name for task in SHIPPED if task.family.name in ("panoptic", "semantic")]
+LABELLED = ["coco", "coco-masks", "amodal", "lvis", *MAPS]
 TASKS = [*LABELLED, "eth3d", "bench"]
 
 #: Keys that only annotations have, or that are counted from annotations.
@@ -178,7 +180,8 @@ def test_what_a_card_declares_is_read_from_it(task, key, value):
             "case_sensitive", "underscore_is_space", "synonyms", "qualifier", "unknown_name",
             "unlabelled", "nested_instances",
         )],
-        *[(task, "scoring.max_detections_per") for task in LABELLED],
+        *[(task, "scoring.max_detections_per") for task in LABELLED if task not in MAPS],
+        *[(task, key) for task in MAPS for key in ("vocabulary.stuff", "export.sky")],
         *[(task, "readout.reads") for task in TASKS],
         ("eth3d", "export.hole"), ("eth3d", "holes.primary"), ("eth3d", "alignment.model"),
     ],
@@ -270,8 +273,8 @@ def test_a_task_leaves_what_is_for_it(kind, capsys):
         every.remove("relations")  # the same, of answers
     assert sorted({name for names in by_task.values() for name in names}) == every
     for task, names in by_task.items():
-        if not names and kind != "tasks" and task in ("coco-masks", "amodal", "bench"):
-            continue  # masks are imported; the bench is made from scenes, and has no specialist
+        if not names and kind != "tasks" and task in ("coco-masks", "amodal", "bench", *MAPS):
+            continue  # answers are imported; the bench is made from scenes, and has no specialist
         assert 0 < len(names) < len(every)
         assert names == [name for name in every if name in names]
         if kind != "baselines":
