@@ -22,6 +22,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     prediction_type,
 )
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
+from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import (
     Run,
@@ -79,7 +80,12 @@ def export_coco(
         )
     if visible and detection_protocol(run.task).payload is not AMODAL:
         raise UsageError(f"a run of {run.task} has no amodal masks", next_step="pass --format coco")
-    vocabulary = _vocabulary(run, track)
+    if detection_protocol(run.task).payload is BOXES3D:
+        raise UsageError(
+            f"a run of {run.task} has boxes in space, which COCO has no place for",
+            next_step="pass --format omni3d or --format kitti",
+        )
+    vocabulary = vocabulary_of_run(run, track)
     images = [_image(i.image_id, i.file_name, i.size_wh) for i in run.images]
     predictions = _predictions(run, vocabulary)
     document = CocoFile(
@@ -97,7 +103,7 @@ def export_coco(
     return document
 
 
-def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
+def vocabulary_of_run(run: Run, track: Path | None) -> Vocabulary:
     """The categories of the run: the track's, or the shipped dataset's."""
     expected = run.configuration.vocabulary_sha256
     vocabulary = load_track(track).vocabulary if track is not None else None
