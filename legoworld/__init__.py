@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from legoworld.api.readout import Run, readout
     from legoworld.api.scenes import Scene, SceneView, open_scene
     from legoworld.errors import LegoWorldError
+    from legoworld.evaluation.pose.score import PoseScores, score_poses
 
 _HOMES = {
     "ByTask": "legoworld.api.by_task",
@@ -27,6 +28,7 @@ _HOMES = {
     "Evaluation": "legoworld.api.evaluation",
     "LegoWorldError": "legoworld.errors",
     "Listener": "legoworld.api.listener",
+    "PoseScores": "legoworld.evaluation.pose.score",
     "Reader": "legoworld.api.reader",
     "Reading": "legoworld.api.reader",
     "Run": "legoworld.api.readout",
@@ -36,6 +38,7 @@ _HOMES = {
     "evaluate": "legoworld.api.evaluation",
     "open_scene": "legoworld.api.scenes",
     "readout": "legoworld.api.readout",
+    "score_poses": "legoworld.evaluation.pose.score",
 }
 
 __all__ = [
@@ -44,6 +47,7 @@ __all__ = [
     "Evaluation",
     "LegoWorldError",
     "Listener",
+    "PoseScores",
     "Reader",
     "Reading",
     "Run",
@@ -54,6 +58,7 @@ __all__ = [
     "evaluate",
     "open_scene",
     "readout",
+    "score_poses",
 ]
 
 

@@ -305,6 +305,18 @@ class SceneView:
         """
         return fit_boxes(self._inspection.view, [i.id for i in self.labelled], kind)
 
+    @check_arguments
+    def save_bop(self, folder: str | Path) -> None:
+        """Write `labelled` as a BOP dataset of one image, for 6D poses; see `score_poses`.
+
+        models/ (binary PLY and models_info.json), test/000001/ (poses, camera, masks, depth), in
+        millimetres. A model's frame is that of its box. UsageError where one is there already.
+        """
+        from legoworld.api.bop_export import write_bop
+
+        names = [i.category or i.name for i in self.labelled]
+        write_bop(self._inspection.view, [i.id for i in self.labelled], names, Path(folder))
+
     @property
     def in_space(self) -> bool:
         """Whether the view's task is about boxes in space."""
