@@ -5,7 +5,6 @@ A pixel's centre is at integer coordinates there, so K's principal point is half
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.pose.errors import Model, Photo, drawn_depth, visible_to_bop
-from legoworld.files import atomic_path, readable_json, write_text
+from legoworld.files import Json, atomic_path, readable_json, write_text
 from legoworld.readouts.boxes3d import Box3d, InstancePoints, fit_boxes, intrinsics_of
 from legoworld.visibility.view import View
 
@@ -154,5 +153,5 @@ def _write_png(path: Path, pixels: NDArray[Any]) -> None:
         temporary.write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
 
 
-def _write_json(path: Path, document: Any) -> None:
-    write_text(path, readable_json(json.loads(json.dumps(document))))
+def _write_json(path: Path, document: Json) -> None:
+    write_text(path, readable_json(document))

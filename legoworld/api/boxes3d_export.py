@@ -6,7 +6,7 @@ Everything is taken from the corners, so imported boxes are exported as a scene'
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
@@ -20,7 +20,7 @@ from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
 from legoworld.files import readable_json, write_text
-from legoworld.records.base import decode
+from legoworld.records.base import UnsetType, decode
 from legoworld.records.folders.read_run import RUN
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import RunFile
@@ -113,7 +113,7 @@ def _photos(run: Run) -> Iterator[_Photo]:
         )
 
 
-def _omni3d(run: Run, photos: list[_Photo], names: dict[int, str]) -> Any:
+def _omni3d(run: Run, photos: list[_Photo], names: Mapping[int, str]) -> Any:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for photo in photos:
@@ -170,7 +170,7 @@ def _annotation(one: Prediction, photo: _Photo, name: str) -> dict[str, Any]:
     }
 
 
-def _labels(photo: _Photo, names: dict[int, str]) -> str:
+def _labels(photo: _Photo, names: Mapping[int, str]) -> str:
     """KITTI's 15 columns: location is the centre of the bottom, ry turns about the camera's y."""
     lines = []
     for one in photo.predictions:
@@ -204,6 +204,6 @@ def _axes(one: Prediction) -> NDArray[np.float64]:
     return box_of_corners(_corners(one))[1]
 
 
-def _known(share: Any) -> float:
+def _known(share: float | UnsetType | None) -> float:
     """A share; -1 where it is unknown, as in both formats."""
     return float(share) if isinstance(share, int | float) else float(_UNKNOWN)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -175,7 +175,7 @@ def read_ply(path: Path) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     return np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32)
 
 
-def _pose(rotation: Any, translation: Any) -> Floats:
+def _pose(rotation: Sequence[float], translation: Sequence[float]) -> Floats:
     turn = np.array(rotation, np.float64).reshape(3, 3)
     return np.column_stack([turn, np.array(translation, np.float64).reshape(3)])
 
