@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from legoworld.bench.reward import bench_reward as bench_reward
     from legoworld.endpoint.workspace_finalisation import blender_finalise as blender_finalise
     from legoworld.errors import LegoWorldError as LegoWorldError
+    from legoworld.evaluation.pose.score import PoseScores as PoseScores
+    from legoworld.evaluation.pose.score import score_poses as score_poses
     from legoworld.plugin.ledger import plugin_replay as plugin_replay
     from legoworld.trajectories.api import trajectory_pick as trajectory_pick
     from legoworld.trajectories.api import trajectory_report as trajectory_report
@@ -77,6 +79,7 @@ _NAMES = {
     "legoworld.bench.reward": "bench_reward",
     "legoworld.endpoint.workspace_finalisation": "blender_finalise",
     "legoworld.errors": "LegoWorldError",
+    "legoworld.evaluation.pose.score": "PoseScores score_poses",
     "legoworld.plugin.ledger": "plugin_replay",
     "legoworld.trajectories.api": "trajectory_pick trajectory_report trajectory_score"
     " trajectory_show",

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import N_THRESHOLDS
 from legoworld.evaluation.detection.matching.chunks import Chunk
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.payloads.payload import Overlaps
-from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS
 
 Array = NDArray[Any]
 Test = TypeVar("Test", bound=Callable[..., None])
@@ -95,7 +95,7 @@ def rankings(draw: st.DrawFn, most: int) -> tuple[Array, list[float], int]:
 
     A match holds up to some threshold and is false above it; some are ignored.
     """
-    n_thresholds = len(IOU_THRESHOLDS)
+    n_thresholds = N_THRESHOLDS
     kinds = st.sampled_from([FALSE_POSITIVE, TRUE_POSITIVE, TRUE_POSITIVE, IGNORED])
     matches = draw(
         st.lists(st.tuples(kinds, st.integers(1, n_thresholds)), min_size=1, max_size=most)

@@ -23,6 +23,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     prediction_type,
 )
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
+from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import (
     Run,
@@ -80,7 +81,12 @@ def export(
         raise UsageError(
             f"a run of {source.task} has no amodal masks", next_step="pass --format coco"
         )
-    vocabulary = _vocabulary(source, optional_path(track))
+    if detection_protocol(source.task).payload is BOXES3D:
+        raise UsageError(
+            f"a run of {source.task} has boxes in space, which COCO has no place for",
+            next_step="pass --format omni3d or --format kitti",
+        )
+    vocabulary = vocabulary_of_run(source, optional_path(track))
     images = [_image(i.image_id, i.file_name, i.size_wh) for i in source.images]
     predictions = _predictions(source, vocabulary)
     document = CocoFile(
@@ -98,7 +104,7 @@ def export(
     return document
 
 
-def _vocabulary(run: Run, track: Path | None) -> Vocabulary:
+def vocabulary_of_run(run: Run, track: Path | None) -> Vocabulary:
     """The categories of the run: the track's, the shipped dataset's, or those of its own labels."""
     expected = run.configuration.vocabulary_sha256
     vocabulary = load_track(track).vocabulary if track is not None else None

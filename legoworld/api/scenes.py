@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from legoworld.api.settings import (
 from legoworld.errors import UsageError
 from legoworld.readouts import pictures
 from legoworld.readouts.amodal import AMODAL
+from legoworld.readouts.boxes3d import BOXES_3D, Box3d, Kind, box_lines_px, fit_boxes
 from legoworld.readouts.family import AnsweredImage
 from legoworld.readouts.label_maps import category_map, segment_map
 from legoworld.readouts.protocol import Protocol, load_readout_family
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
     from legoworld.readouts.relation_kinds import FactBase
 
 Photo = str | Path | NDArray[np.uint8]
+#: Sides of the picture from above.
+_PLAN_PX: Final = 640
 
 
 class SceneOptions(TypedDict, total=False):
@@ -295,6 +298,33 @@ class SceneView:
         """(N,) float64: the product of the two, NaN where the second is."""
         return self._fractions("visible_of_whole")
 
+    @check_arguments
+    def boxes3d(self, *, kind: Kind = "gravity") -> list[Box3d]:
+        """The box in space around all of each of `labelled`, in that order.
+
+        In the camera frame (x right, y down, z forward), metres. kind: "gravity" is upright and
+        turned so that its footprint is smallest, "object" along the axes of the instance's first
+        surface, "world" along the scene's axes.
+        """
+        return fit_boxes(self._inspection.view, [i.id for i in self.labelled], kind)
+
+    @check_arguments
+    def save_bop(self, folder: str | Path) -> None:
+        """Write `labelled` as a BOP dataset of one image, for 6D poses; see `score_poses`.
+
+        models/ (binary PLY and models_info.json), test/000001/ (poses, camera, masks, depth), in
+        millimetres. A model's frame is that of its box. UsageError where one is there already.
+        """
+        from legoworld.api.bop_export import write_bop
+
+        names = [i.category or i.name for i in self.labelled]
+        write_bop(self._inspection.view, [i.id for i in self.labelled], names, Path(folder))
+
+    @property
+    def in_space(self) -> bool:
+        """Whether the view's task is about boxes in space."""
+        return self._protocol is not None and self._protocol.card.reads == BOXES_3D
+
     def _fractions(self, name: str) -> NDArray[np.float64]:
         made = self.amodal.silhouettes([i.id for i in self.labelled])
         return np.array([getattr(one, name) for one in made], np.float64)
@@ -451,8 +481,9 @@ class SceneView:
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
         """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
 
-        Of a task of amodal masks also amodal.png, of label maps answer.png. Raises LegoWorldError
-        for a photo of a different size.
+        Of a task of amodal masks also amodal.png, of label maps answer.png, of boxes in space
+        boxes3d.png (over the photo) and plan.png (from above). Raises LegoWorldError for a photo of
+        a different size.
         """
         if photo is not None:
             check_argument("folder", photo)
@@ -467,6 +498,13 @@ class SceneView:
         drawn = self._protocol.readout.picture if self._protocol else None
         if drawn is not None:
             pictures.write_png(Path(folder) / "answer.png", drawn(self._answered()))
+        if self.in_space:
+            boxes, view = self.boxes3d(), self._inspection.view
+            lines = {b.instance_id: box_lines_px(b, view) for b in boxes}
+            picture = pictures.boxes_overlay(self._ground(photo), lines)
+            pictures.write_png(Path(folder) / "boxes3d.png", picture)
+            plan = pictures.plan_picture({b.instance_id: b.corners_m for b in boxes}, _PLAN_PX)
+            pictures.write_png(Path(folder) / "plan.png", plan)
 
     def compared_with(self, other: SceneView) -> SourceComparison:
         """The disagreements between this view (of scene.blend) and another (of scene.glb)."""

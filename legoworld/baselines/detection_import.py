@@ -56,6 +56,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
 )
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.payloads.boxes import BOXES
+from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
@@ -272,6 +273,7 @@ _DIALECTS: Final = {
     BOXES.name: _Dialect(boxed=True, prepared=_as_given),
     MASKS.name: _Dialect(boxed=False, prepared=_filled),
     AMODAL.name: _Dialect(boxed=False, prepared=_filled_amodal),
+    BOXES3D.name: _Dialect(boxed=False, prepared=_as_given),
 }
 
 

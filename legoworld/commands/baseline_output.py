@@ -51,7 +51,9 @@ def _lines(run: Run, bad: list[RunRow], *, verbose: bool) -> Iterator[str]:
     coverage = summary.coverage
     line = f"{share(coverage.ok, coverage.attempted, 'image', 'images')} predicted"
     if coverage.ok_empty is not UNSET:
-        what = ("box", "boxes") if load_card(summary.task).reads == "boxes" else ("mask", "masks")
+        boxes = load_card(summary.task).reads.startswith("boxes")
+        boxes = load_card(summary.task).reads.startswith("boxes")
+        what = ("box", "boxes") if boxes else ("mask", "masks")
         made = plural(summary.predictions or 0, *what)
         line += f" ({coverage.ok_empty} without any), {made}"
     if summary.partial:

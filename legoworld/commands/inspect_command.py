@@ -55,7 +55,8 @@ def command(
     """Show the instances of one SCENE (a folder or its URL), and why some are not visible.
 
     -o writes buffers.npz (instance int32, depth_z_m float32), instances.json, overlay.png and
-    depth.png; of a task of amodal masks also amodal.png, hidden parts hatched.
+    depth.png; of a task of amodal masks also amodal.png, hidden parts hatched; of boxes in space
+    boxes3d.png and plan.png, from above.
 
     --compare-sources reads scene.blend and scene.glb and matches their instances by name: the
     masks of an instance agree at an IoU of 0.999 or more. With -o each source gets its own folder.

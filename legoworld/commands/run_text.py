@@ -176,7 +176,8 @@ def _counts(summary: RunSummary) -> str:
     if coverage.ok_empty is not UNSET:
         line += f" ({coverage.ok_empty} without any export)"
     masks = ("mask", "masks")
-    kinds = {"boxes": ("box", "boxes"), "masks": masks, "amodal": masks}
+    boxes = ("box", "boxes")
+    kinds = {"boxes": boxes, "boxes_3d": boxes, "masks": masks, "amodal": masks}
     if what := kinds.get(_exports(summary.task)):
         line += f", {plural(summary.predictions or 0, *what)}"
     if summary.validity:

@@ -25,16 +25,13 @@ from legoworld.evaluation.detection.amodal_sums import (
     amodal_metrics,
     amodal_values,
 )
+from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts, matched_metrics
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Floats
-from legoworld.evaluation.detection.protocols import (
-    AREA_NAMES,
-    DetectionProtocol,
-    detection_protocol,
-)
+from legoworld.evaluation.detection.protocols import DetectionProtocol, detection_protocol
 from legoworld.evaluation.detection.protocols import Metric as OfficialMetric
 from legoworld.evaluation.detection.ranking.accumulation import (
     accumulate,
@@ -52,7 +49,7 @@ from legoworld.records.evidence import ComparisonSettings
 EQUAL: Final = "equal_confidence."
 TIES: Final = "tie_orders.AP"
 _KINDS: Final = ("class_aware", "class_agnostic")
-_HEADLINE: Final = ("AP", "AP50", "AP75")
+_HEADLINE: Final = ("AP", "AP25", "AP50", "AP75")
 #: COCO's recalls at fewer than 100 detections are in the rows, but not in every table.
 _SMALL_CAPS: Final = ("AR1", "AR10")
 _SCORE_FREE: Final = (
@@ -159,16 +156,16 @@ def _official(
         measures[metric.name] = Measure(
             value=np.nan if value == -1 else value,
             samples=samples[metric.name] if defined else None,
-            over=_count_denominators(table, metric, frequencies),
+            over=_count_denominators(table, metric, frequencies, protocol.grid),
             extra={},
         )
     return measures
 
 
 def _count_denominators(
-    table: MatchTable, metric: OfficialMetric, frequencies: NDArray[np.str_]
+    table: MatchTable, metric: OfficialMetric, frequencies: NDArray[np.str_], grid: Grid
 ) -> dict[str, int]:
-    counted = table.truths_per_category[AREA_NAMES.index(metric.area)]
+    counted = table.truths_per_category[grid.areas.index(metric.area)]
     if metric.frequency is not None:
         counted = np.where(frequencies == metric.frequency, counted, 0)
     return {

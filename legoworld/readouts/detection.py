@@ -9,6 +9,7 @@ from typing import Final
 from msgspec import structs
 
 from legoworld.readouts.amodal import AMODAL, amodal_exports, amodal_table
+from legoworld.readouts.boxes3d import BOXES_3D, box3d_exports, box3d_table
 from legoworld.readouts.exports import box_exports, mask_exports
 from legoworld.readouts.family import AnsweredImage, Export, ReadoutFamily, unusable_row
 from legoworld.records.base import UNSET
@@ -22,6 +23,8 @@ _EXPORTERS: Final = {"boxes": box_exports, "masks": mask_exports}
 def _exports(reads: str, image: AnsweredImage) -> list[Export]:
     if reads == AMODAL:
         return amodal_exports(image)
+    if reads == BOXES_3D:
+        return box3d_exports(image.image_id, image.instances, image.view, threads=image.threads)
     return _EXPORTERS[reads](image.image_id, image.instances, image.view)
 
 
@@ -47,6 +50,8 @@ def _n_predictions(row: RunRow) -> int:
 
 
 def _table(reads: str, image: AnsweredImage) -> Table | None:
+    if reads == BOXES_3D:
+        return box3d_table(image.instances, image.view, threads=image.threads)
     return amodal_table(image) if reads == AMODAL else None
 
 

@@ -16,6 +16,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path, open_regular
 from legoworld.records.instances import InstanceRow
 from legoworld.scene.pictures import FORMATS, MOST_PHOTO_PX, decoded_picture
+from legoworld.visibility.cuboids import EDGES
 
 #: ColorBrewer's Spectral, 11 classes, near to far, as RGB.
 _SPECTRAL: Final = np.array(
@@ -124,6 +125,41 @@ def amodal_overlay(ground: Rgb, masks: Mapping[int, tuple[Mask, Mask]]) -> Rgb:
         edges, _ = cv2.findContours(amodal.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(picture, edges, -1, _color(ident), 2)
     return picture
+
+
+def boxes_overlay(ground: Rgb, lines: Mapping[int, Sequence[Sequence[float]]]) -> Rgb:
+    """Edges of boxes in space over a photo of the same size. lines: x, y, x, y by instance id."""
+    picture = ground.copy()
+    for ident, edges in lines.items():
+        _draw_lines(picture, edges, _color(ident))
+    return picture
+
+
+def plan_picture(corners: Mapping[int, NDArray[np.float64]], side_px: int) -> Rgb:
+    """Boxes from above: the camera at the middle of the lower edge, its axis upwards.
+
+    corners: (8, 3) in the camera frame by instance id. What is behind the camera is left out.
+    """
+    picture = np.full((side_px, side_px, 3), 255, np.uint8)
+    shown = {i: c[:, [0, 2]] for i, c in corners.items() if c[:, 2].max() > 0}
+    reach = max((float(np.abs(p * [2, 1]).max()) for p in shown.values()), default=1.0)
+    scale = side_px / (1.05 * max(reach, 1e-6))
+    for ident, points in shown.items():
+        x, y = side_px / 2 + points[:, 0] * scale, side_px - points[:, 1] * scale
+        lines = [[x[a], y[a], x[b], y[b]] for a, b in EDGES]
+        _draw_lines(picture, lines, _color(ident))
+    cv2.circle(picture, (side_px // 2, side_px - 1), 4, (0, 0, 0), -1)
+    return picture
+
+
+def _draw_lines(picture: Rgb, lines: Sequence[Sequence[float]], color: tuple[int, ...]) -> None:
+    """Lines that may leave the picture far away."""
+    height, width = picture.shape[:2]
+    for line in np.clip(np.array(lines, np.float64).reshape(-1, 4), -1e6, 1e6):
+        x0, y0, x1, y1 = np.rint(line).astype(int).tolist()
+        inside, start, end = cv2.clipLine((0, 0, width, height), (x0, y0), (x1, y1))
+        if inside:
+            cv2.line(picture, start, end, color, 2, cv2.LINE_AA)
 
 
 def _tint(picture: Rgb, instance: NDArray[np.int32], shown: Sequence[InstanceRow]) -> None:

@@ -201,12 +201,24 @@ class AmodalNumbers(Record, frozen=True, kw_only=True):
     controls: dict[str, Values]
 
 
+class SpaceErrors(Record, frozen=True, kw_only=True):
+    """Medians over one-to-one pairs of boxes in space that overlap, within categories.
+
+    center_m: between centres; volume_ratio: to the truth's; yaw_mod_90_deg: in [0, 45].
+    """
+
+    pairs: int
+    center_m: float | None
+    volume_ratio: float | None
+    yaw_mod_90_deg: float | None
+
+
 class DetectionSummary(Summary, frozen=True, kw_only=True):
     """Of boxes and masks. official: the evaluator's numbers in its order, -1 where undefined."""
 
     coverage: DetectionCoverage
     dataset_version: str
-    iou_type: Literal["bbox", "segm"]
+    iou_type: Literal["bbox", "segm", "bbox3D"]
     metrics: Values
     official: tuple[float, ...]
     ties: Ties
@@ -216,6 +228,7 @@ class DetectionSummary(Summary, frozen=True, kw_only=True):
     counts: Counts
     warnings: tuple[str, ...]
     amodal: AmodalNumbers | UnsetType = UNSET
+    in_space: SpaceErrors | UnsetType = UNSET
 
     def metric_values(self) -> Iterator[MetricValue]:
         """The official metrics."""

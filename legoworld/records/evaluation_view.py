@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
+from msgspec import field
+
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.predictions import Box, Number, Prediction, Rle
+from legoworld.records.predictions import Box, Corners, Number, Point, Prediction, Rle
 
 
 class Fit(Record, frozen=True, kw_only=True):
@@ -35,11 +37,12 @@ Segmentation = Rle | tuple[tuple[Number, ...], ...]
 
 
 class TrueImage(Record, frozen=True, kw_only=True):
-    """A photo of the truth."""
+    """A photo of the truth. intrinsics: rows of K, where boxes in space are scored."""
 
     id: int
     width: int
     height: int
+    intrinsics: tuple[Point, Point, Point] | UnsetType = field(default=UNSET, name="K")
 
 
 class TrueCategory(Record, frozen=True, kw_only=True):
@@ -61,6 +64,7 @@ class TrueAnnotation(Record, frozen=True, kw_only=True):
     visible_mask: Segmentation | UnsetType = UNSET
     iscrowd: Number | UnsetType = UNSET
     ignore: Number | UnsetType = UNSET
+    corners: Corners | UnsetType = field(default=UNSET, name="bbox3D")
 
 
 class TruthCategories(Record, frozen=True, kw_only=True):

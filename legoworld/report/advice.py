@@ -8,6 +8,8 @@ from typing import Final
 
 from msgspec.structs import replace
 
+from legoworld.evaluation.detection.grid import HALF
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.pluralize import plural
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import Advice, DrawnPrediction
@@ -170,7 +172,7 @@ def _false(
         if whole is not None:
             one, t = _part_alone(names[p.c], side.errors.truth[whole]), whole
         else:
-            one = _false_one(p, truth, names)
+            one = _false_one(p, truth, names, _off(task, side.entries[d], p, truth))
             if t is not None and p.k == "localisation":
                 one = replace(one, do=_how_to_fit(task, image, side, names, (d, t)))
         by_advice.setdefault(one, []).append(d)
@@ -197,8 +199,9 @@ def _part_alone(name: str, state: str) -> Advice:
 
 
 def _false_one(
-    drawn: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str]
+    drawn: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str], off: str
 ) -> Advice:
+    """off: how it differs from the truth."""
     name = names[drawn.c]
     if truth is None:
         return Advice(
@@ -214,7 +217,6 @@ def _false_one(
             what=f"{name} where nothing is annotated; nearest: {other} {iou}",
             do="not in the photo, or not annotated there: remove it or its category",
         )
-    off = _edges(drawn.box, truth.bbox)
     what, do = {
         "classification": (
             f"{name} stands where the annotation is {other} {iou}",
@@ -234,6 +236,15 @@ def _false_one(
         ),
     }[str(drawn.k)]
     return Advice(level="bad", what=what, do=do)
+
+
+def _off(
+    task: str, entry: ShownPrediction, drawn: DrawnPrediction, truth: TrueAnnotation | None
+) -> str:
+    if truth is None:
+        return ""
+    difference = detection_protocol(task).payload.difference
+    return difference(entry, truth) if difference else _edges(drawn.box, truth.bbox)
 
 
 def _how_to_fit(
@@ -273,6 +284,8 @@ def _loose(
     task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str]
 ) -> list[Advice]:
     """What loses at AP's higher thresholds, the loosest first; what helps alike stands together."""
+    if detection_protocol(task).grid.iou[-1] <= HALF:
+        return []
     pairs = [
         (iou, names[image.truths[about].category_id], d, about)
         for d, (entry, about, iou) in enumerate(

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
@@ -122,9 +121,10 @@ def _errors(
 
 def _is_ignored(task: str, truth: TrueAnnotation) -> bool:
     """What neither scores nor is missed: COCO's crowds; LVIS's ignored and empty truths."""
-    if not detection_protocol(task).federated:
-        return bool(truth.iscrowd)
-    return bool(truth.ignore) or (truth.area or 0) <= 0
+    protocol = detection_protocol(task)
+    if protocol.federated:
+        return bool(truth.ignore) or (truth.area or 0) <= 0
+    return bool(truth.ignore if protocol.payload.own_ignore else truth.iscrowd)
 
 
 def _overlaps(
@@ -137,8 +137,9 @@ def _overlaps(
     if not truths or not predictions:
         return np.zeros((len(predictions), len(truths)))
     shapes_of_both = shapes(task, image, predictions), shapes(task, image, truths)
-    federated = detection_protocol(task).federated
-    return overlaps(*shapes_of_both, [0 if federated else int(bool(t.iscrowd)) for t in truths])
+    protocol = detection_protocol(task)
+    crowd = [0 if protocol.federated else int(bool(t.iscrowd)) for t in truths]
+    return protocol.payload.compared(*shapes_of_both, crowd)
 
 
 def shapes(

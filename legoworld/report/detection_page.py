@@ -10,11 +10,13 @@ from legoworld.report.family import PageFamily
 PAGE: Final = PageFamily(
     forest={
         "AP": "AP",
+        "AP25": "AP25",
         "AP50": "AP50",
         "AP75": "AP75",
         "APs": "AP small",
         "APm": "AP medium",
         "APl": "AP large",
+        "APn": "AP near",
         "equal_confidence.AP": "AP, equal confidence",
         "amodal.invisible_iou": "IoU of the invisible part",
         "amodal.order_f1": "order of layers, F1",

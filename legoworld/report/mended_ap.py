@@ -15,6 +15,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import HALF, Grid
 from legoworld.evaluation.detection.matching.compiled_matching import states_of_columns
 from legoworld.evaluation.detection.matching.greedy import (
     FALSE_POSITIVE,
@@ -24,6 +25,7 @@ from legoworld.evaluation.detection.matching.greedy import (
 )
 from legoworld.evaluation.detection.matching.matches_file import table_from
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import precision_at_recalls
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.report.detection_images import DetectionImage, SideImage
@@ -108,7 +110,8 @@ class MendedAp:
 
     def costs(self, metric: Literal["AP", "AP50"] = "AP") -> ApCosts:
         """What each kind of error in each category costs. ReportInputError where AP differs."""
-        mender = _Mender(self, slice(None) if metric == "AP" else slice(1))
+        grid = detection_protocol(self.side.task).grid
+        mender = _Mender(self, grid, grid.thresholds(None if metric == "AP" else HALF))
         ap = mender.mean(mender.base)
         stated = self.side.detection.metrics[metric]
         if (ap is None) != (stated is None) or abs((ap or 0.0) - (stated or 0.0)) > _ROUNDING:
@@ -141,11 +144,11 @@ def errors_of(
 class _Mender:
     """The match table of a side, and what it takes to match a category again.
 
-    thresholds: those of IOU_THRESHOLDS that precision is averaged over.
+    thresholds: those of the grid that precision is averaged over.
     """
 
-    def __init__(self, given: MendedAp, thresholds: slice) -> None:
-        self._given, self._thresholds = given, thresholds
+    def __init__(self, given: MendedAp, grid: Grid, thresholds: Bools) -> None:
+        self._given, self._grid, self._thresholds = given, grid, thresholds
         self._table: MatchTable = table_from(given.side.matches)
         table = self._table
         self._slices = table.category_slices
@@ -285,6 +288,7 @@ class _Mender:
         iou = self._blocks(image, source, truths, images, (first_d, first_t), extra)
         n = len(image)
         state = states_of_columns(
+            self._grid,
             (first_d, first_t),
             (iou, np.zeros(n, np.int64), np.ones(n), np.ones(n, bool), ~partial),
             (

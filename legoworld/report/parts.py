@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
@@ -36,15 +35,16 @@ def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[P
         return []
     predicted = shapes(task, image.image, side.entries)
     truths = shapes(task, image.image, image.truths)
-    inside = overlaps(predicted, truths, [1] * len(truths))
-    parts, union = [], detection_protocol(task).payload.together
+    payload = detection_protocol(task).payload
+    compared, union = payload.compared, payload.together
+    inside, parts = compared(predicted, truths, [1] * len(truths)), []
     for g, state in enumerate(side.errors.truth):
         members = _members(image, side, g, inside[:, g])
         if state == "ignored" or len(members) < 2:
             continue
         shared = [predicted[d] for d in members]
-        best = float(overlaps(shared, [truths[g]], [0]).max())
-        together = float(overlaps([union(shared)], [truths[g]], [0])[0, 0])
+        best = float(compared(shared, [truths[g]], [0]).max())
+        together = float(compared([union(shared)], [truths[g]], [0])[0, 0])
         if together >= max(FOREGROUND_IOU, best + _GAIN):
             parts.append(Parts(truth=g, predictions=members, best_iou=best, together_iou=together))
     return parts
@@ -59,7 +59,7 @@ def lone_part(task: str, image: DetectionImage, entry: int, side: SideImage) -> 
         return None
     predicted = shapes(task, image.image, [side.entries[entry]])
     truths = shapes(task, image.image, [image.truths[g] for g in same])
-    inside = overlaps(predicted, truths, [1] * len(same))[0]
+    inside = detection_protocol(task).payload.compared(predicted, truths, [1] * len(same))[0]
     return same[int(inside.argmax())] if inside.max() >= _INSIDE else None
 
 

@@ -15,7 +15,7 @@ from legoworld.evaluation.detection.matching.greedy import (
     MatchTable,
 )
 from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, table_from
-from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
+from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import (
     precision_at_recalls,
 )
@@ -46,11 +46,11 @@ def precision_recall(side: StoredEvaluation) -> list[PrecisionRecall]:
 def _curve(side: StoredEvaluation, policy: str, seed: int) -> PrecisionRecall | None:
     """The mean curve at IoU 0.5 with its band; None where no category has ground truth."""
     table = table_from(side.matches, policy)
-    scored = table.truths_per_category[AREA_NAMES.index("all")]
+    scored = table.truths_per_category[0]
     rows = [(s, int(scored[k])) for k, s in enumerate(table.category_slices) if scored[k]]
     if not rows:
         return None
-    states = table.state[AREA_NAMES.index("all"), int(np.flatnonzero(IOU_THRESHOLDS == 0.5)[0])]
+    states = table.state[0, detection_protocol(side.task).grid.half]
     tied = any(len(np.unique(table.score[s])) < s.stop - s.start for s, _ in rows)
     low = high = np.zeros(0)
     if tied:

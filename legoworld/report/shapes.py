@@ -48,8 +48,7 @@ def _outline(
     task: str, image: DetectionImage, row: TrueAnnotation | ShownPrediction
 ) -> dict[str, Any]:
     """The fields of what is drawn of a row, its coordinates rounded."""
-    size_hw = image.image.height, image.image.width
-    outline = detection_protocol(task).payload.outline(row, size_hw)
+    outline = detection_protocol(task).payload.outline(row, image.image)
     polygons = outline.polygons
     return {
         "box": _round_values(outline.box),

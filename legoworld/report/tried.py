@@ -53,7 +53,8 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
     predicted = shapes(task, image.image, side.entries)
     wanted = shapes(task, image.image, [image.truths[truth]])
     own = side.entries[entry].category_id
-    inside = overlaps(predicted, wanted, [1])[:, 0]
+    payload = detection_protocol(task).payload
+    inside = payload.compared(predicted, wanted, [1])[:, 0]
     parts = tuple(
         d
         for d, other in enumerate(side.entries)
@@ -62,9 +63,8 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
     iou = float(side.iou[entry, truth])
     together = iou
     if parts:
-        union = detection_protocol(task).payload.together
-        whole = union([predicted[entry], *(predicted[d] for d in parts)])
-        together = float(overlaps([whole], wanted, [0])[0, 0])
+        whole = payload.together([predicted[entry], *(predicted[d] for d in parts)])
+        together = float(payload.compared([whole], wanted, [0])[0, 0])
     return Tried(
         iou=iou,
         given_back=parts,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from baselines.tracks import call, make_track, results, rows, run_document
+from evaluation.solids import box as solid
 
 NAMES = ["a.jpg", "b.jpg", "c.jpg"]
 BOX = [10.5, 4.25, 20.0, 30.0]
@@ -365,3 +366,42 @@ def test_options_of_another_task_are_wrong_usage(bring, task, options):
     code, folder, _ = bring([], *options, task=task)
     assert code == 2
     assert not folder.exists()
+
+
+def in_space(number, corners, **more):
+    return {"image_id": 1, "category_name": "dog", "score": 0.5 + number / 10,
+            "bbox3D": corners.tolist(), **more}  # fmt: skip
+
+
+def test_boxes_in_space_of_a_detector(bring):
+    """Omni3D's own results have a bbox in pixels and more beside the corners."""
+    boxes = [solid((k, 0, 4)) for k in range(4)]
+    extra = {"bbox": [1, 2, 3, 4], "depth": 4.0, "pose": [], "dimensions": [1, 1, 1]}
+    document = [in_space(k, b, **extra) for k, b in enumerate(boxes)]
+    code, folder, err = bring(document, task="boxes3d")
+    assert code == 0, err
+    assert [p["bbox3D"] for p in predictions(folder)] == [b.tolist() for b in boxes]
+    assert {p["category_id"] for p in predictions(folder)} == {18}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda b: b * [1, -1, -1], "4 of 4 boxes behind the camera"),
+        (lambda b: b * 1000, "a median depth of 4000 m"),
+        (lambda b: b[:4], "8"),
+    ],
+)
+def test_boxes_in_space_in_other_words_are_refused(change, said, bring):
+    document = [in_space(k, change(solid((k, 0, 4)))) for k in range(4)]
+    code, folder, err = bring(document, task="boxes3d")
+    assert code != 0
+    assert said in err
+    assert not folder.exists()
+
+
+def test_boxes_of_the_picture_are_no_boxes_in_space(bring):
+    document = [{"image_id": 1, "category_name": "dog", "score": 1.0, "bbox": BOX}]
+    code, _, err = bring(document, task="boxes3d")
+    assert code != 0
+    assert "has no bbox3D" in err

@@ -10,14 +10,14 @@ import numpy as np
 from pycocotools import mask as coco_mask
 from scipy.optimize import linear_sum_assignment
 
+from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.score_free_pairs import HIT
-from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 
 PREFER_HIT, PREFER_LABEL = 1e-9, 1e-11
-THRESHOLDS = np.minimum(IOU_THRESHOLDS, 1 - 1e-10)
-LOW, HIGH = np.array(AREA_RANGES).T
+THRESHOLDS = np.minimum(PICTURE.iou, 1 - 1e-10)
+LOW, HIGH = np.array(PICTURE.ranges).T
 
 
 def overlaps(chunk):

@@ -9,10 +9,10 @@ import itertools
 
 import numpy as np
 
+from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.matching.greedy import IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
 from legoworld.evaluation.detection.matching.matches import match_and_pair
-from legoworld.evaluation.detection.protocols import AREA_NAMES, IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import (
     first_reached,
     mean_precision,
@@ -50,7 +50,7 @@ def resampled_metrics(table, protocol, counts, frequencies=None):
     slices = table.category_slices
     for draw, count in enumerate(counts):
         for metric in protocol.metrics:
-            a = AREA_NAMES.index(metric.area)
+            a = PICTURE.areas.index(metric.area)
             weights = table.n_truths[a] * count[table.truth_image]
             n_truths = np.bincount(table.truth_category, weights, len(slices)).astype(int)
             values = []
@@ -65,7 +65,7 @@ def resampled_metrics(table, protocol, counts, frequencies=None):
                 else:
                     within = rank < (metric.max_rank or np.inf)
                     at = [(s[within] == TRUE_POSITIVE).sum() / n_truths[k] for s in state]
-                which = [metric.iou in (None, t) for t in IOU_THRESHOLDS]
+                which = [metric.iou in (None, t) for t in PICTURE.iou]
                 values.append(mean_in_order(list(itertools.compress(at, which))))
             if values:
                 found[metric.name][draw] = np.array([*values, 0.0]).cumsum()[-1] / len(values)

@@ -198,8 +198,8 @@ def test_every_task_reads_out_what_its_card_says(tmp_path):
         reading = protocol(name, None)
         assert reading.task is task
         assert task.name == name == reading.card.task
-        if reading.card.reads == "amodal":
-            continue  # of surfaces, not of a picture: tests/readouts/test_amodal.py
+        if reading.card.reads in ("amodal", "boxes_3d"):
+            continue  # of surfaces, not of a picture: test_amodal.py, test_boxes3d.py
         payload = {"boxes": "bbox", "masks": "segmentation", "depth": None, "normals": None,
                    "segments": None, "category_map": None, "relations": None,
                    "surface_and_render": None}  # fmt: skip

@@ -20,7 +20,7 @@ from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.shipped import catalog
 
-TASKS = ["eth3d", "coco", "lvis", "coco-masks", "amodal", "normals", "relations"]
+TASKS = ["eth3d", "coco", "lvis", "coco-masks", "amodal", "boxes3d", "normals", "relations"]
 TASKS += ["coco-panoptic", "voc-semantic"]
 
 

@@ -18,6 +18,7 @@ from legoworld.evaluation.detection.amodal_sums import (
     true_masks,
 )
 from legoworld.evaluation.detection.evaluators import run_evaluator
+from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
     compress_array,
@@ -30,7 +31,6 @@ from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.matches import match_and_pair
 from legoworld.evaluation.detection.payloads.masks import as_lists
 from legoworld.evaluation.detection.problem import build_problem
-from legoworld.evaluation.detection.protocols import AREA_RANGES
 from legoworld.evaluation.detection.scoring import Notice, Score, ScoreRequest, named_metrics
 from legoworld.records.evaluation_rows import AmodalSums
 from legoworld.records.evaluation_summary import AmodalNumbers, Interval, OcclusionLevel, Values
@@ -38,7 +38,7 @@ from legoworld.records.evaluation_summary import AmodalNumbers, Interval, Occlus
 LEVELS: Final = ("none", "partial", "heavy")
 _SHOWN: Final = ("AP", "AP50", "AP75", "AR100")
 #: An area outside of every range: COCOeval ignores the truth, and what is matched to it.
-_OUTSIDE: Final = 2 * AREA_RANGES[0][1]
+_OUTSIDE: Final = 2 * PICTURE.ranges[0][1]
 
 
 def score_amodal(

@@ -24,11 +24,7 @@ from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Ints
-from legoworld.evaluation.detection.protocols import (
-    AREA_NAMES,
-    DetectionProtocol,
-    detection_protocol,
-)
+from legoworld.evaluation.detection.protocols import DetectionProtocol, detection_protocol
 from legoworld.evaluation.detection.rows import per_category_rows, per_image_rows, views
 from legoworld.evaluation.detection.scoring import (
     Notice,
@@ -42,7 +38,7 @@ from legoworld.evaluation.detection.scoring import (
 )
 from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
-from legoworld.records.base import UNSET
+from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
     CardOrigin,
     DetectionConfiguration,
@@ -60,6 +56,7 @@ from legoworld.records.evaluation_summary import (
     Evaluator,
     FrequencyCounts,
     MatchedKinds,
+    SpaceErrors,
     TruthCounts,
 )
 from legoworld.records.folders.evaluation_folder import (
@@ -185,7 +182,20 @@ def _summary(
         intervals=own.intervals,
         counts=_counts(truth, protocol, predictions, own),
         warnings=(*truth.warnings, *predictions.warnings),
+        in_space=_pair_errors(truth, protocol, predictions, own),
     )
+
+
+def _pair_errors(
+    truth: Truth, protocol: DetectionProtocol, predictions: Predictions, own: Score
+) -> SpaceErrors | UnsetType:
+    measure, pairs, problem = protocol.payload.pair_errors, own.pairs_aware, own.problem
+    if measure is None:
+        return UNSET
+    entries = problem.detections.entry[pairs.detection].tolist()
+    annotations = problem.truths.annotation[pairs.truth].tolist()
+    true = [truth.annotations[k][protocol.payload.field] for k in annotations]
+    return measure([predictions.entries.shape[k] for k in entries], true)
 
 
 def _coverage(run: Run, own: Score) -> DetectionCoverage:
@@ -211,7 +221,7 @@ def _counts(
     table, problem = own.table, own.problem
     by_area = table.truths_per_category
     n_truths = by_area[0]
-    false = table.state[0, 0] == FALSE_POSITIVE
+    false = table.state[0, protocol.grid.half] == FALSE_POSITIVE
     return Counts(
         categories=len(table.category_ids),
         categories_with_truth=int((n_truths > 0).sum()),
@@ -227,7 +237,7 @@ def _counts(
                 categories_with_truth=int((by_area[a] > 0).sum()),
                 truth_instances=int(by_area[a].sum()),
             )
-            for a, area in enumerate(AREA_NAMES)
+            for a, area in enumerate(protocol.grid.areas)
         },
         frequency_groups=_frequency_groups(truth, n_truths) if protocol.federated else UNSET,
     )

@@ -11,10 +11,12 @@ from typing import Any, Literal
 import numpy as np
 
 from legoworld import exit_codes
-from legoworld.errors import LegoWorldError
+from legoworld.errors import LegoWorldError, UsageError
+from legoworld.evaluation.box_overlaps import box_ious
 from legoworld.evaluation.detection import lvis_package
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
+from legoworld.evaluation.detection.payloads.boxes3d import corner_array
 from legoworld.evaluation.detection.payloads.payload import IouType
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import DetectionProtocol
@@ -48,6 +50,13 @@ def run_evaluator(
     truth: Truth, predictions: Predictions, protocol: DetectionProtocol, kind: EvaluatorKind
 ) -> OfficialScores:
     """Score predictions over the images of the ground truth, which are the track's."""
+    if protocol.iou_type == "bbox3D":
+        if kind == "fast":
+            raise UsageError(
+                "hotcoco does not score boxes in space",
+                expected="--evaluator official: pycocotools with the IoU of boxes in space",
+            )
+        return _in_space(truth, predictions, protocol)
     if kind == "fast":
         return _hotcoco(truth, predictions, protocol)
     if protocol.federated:
@@ -84,6 +93,72 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
         official=tuple(float(x) for x in evaluation.stats),
         lines=_printed_lines(printed.getvalue()),
         precision=np.asarray(evaluation.eval["precision"])[..., -1],
+    )
+
+
+def _in_space(
+    truth: Truth, predictions: Predictions, protocol: DetectionProtocol
+) -> OfficialScores:
+    """pycocotools' matching and accumulation, averaged as its summarize does.
+
+    It is given the IoU of boxes in space, depth as area, and annotations' own `ignore`.
+    """
+    from pycocotools import coco as coco_api
+    from pycocotools.cocoeval import COCOeval
+
+    class InSpace(COCOeval):  # type: ignore[misc]
+        def _prepare(self) -> None:
+            super()._prepare()
+            for annotation in (a for cell in self._gts.values() for a in cell):
+                annotation["ignore"] = true_ignore[annotation["id"]]
+
+        def computeIoU(self, image_id: int, category_id: int) -> Any:  # noqa: N802
+            mine, true = self._dts[image_id, category_id], self._gts[image_id, category_id]
+            order = np.argsort([-d["score"] for d in mine], kind="mergesort")
+            kept = [mine[k]["bbox3D"] for k in order[: self.params.maxDets[-1]]]
+            if not kept or not true:
+                return []
+            return box_ious(corner_array(kept), corner_array([t["bbox3D"] for t in true]))
+
+    grid, new = protocol.grid, coco_api.COCO
+    true_ignore = {a["id"]: a["ignore"] for a in truth.annotations}
+    depths = corner_array(predictions.entries.shape)[:, :, 2].mean(axis=1).tolist()
+    results = [
+        {**entry, "id": number, "area": depth, "iscrowd": 0}
+        for number, (entry, depth) in enumerate(
+            zip(predictions.entries.results(), depths, strict=True), start=1
+        )
+    ]
+    with contextlib.redirect_stdout(io.StringIO()):
+        true, found = new(), new()
+        true.dataset, found.dataset = truth.document(), {**truth.document(), "annotations": results}
+        true.createIndex()
+        found.createIndex()
+        evaluation: Any = InSpace(true, found, "bbox")
+        evaluation.params.imgIds = [i["id"] for i in truth.images]
+        evaluation.params.iouThrs = grid.iou
+        evaluation.params.areaRng = [list(bounds) for bounds in grid.ranges]
+        evaluation.params.areaRngLbl = list(grid.areas)
+        evaluation.evaluate()
+        evaluation.accumulate()
+    precision, recall = (np.asarray(evaluation.eval[key]) for key in ("precision", "recall"))
+    official = []
+    for metric in protocol.metrics:
+        at, area = grid.thresholds(metric.iou), grid.areas.index(metric.area)
+        cap = evaluation.params.maxDets.index(metric.max_rank or 100)
+        values = (
+            precision[at][..., area, cap] if metric.kind == "AP" else recall[at][:, :, area, cap]
+        )
+        defined = values[values > -1]
+        official.append(float(np.mean(defined)) if defined.size else -1.0)
+    return OfficialScores(
+        name="pycocotools",
+        version=metadata.version("pycocotools"),
+        official=tuple(official),
+        lines=tuple(
+            f"{m.name} = {v:0.3f}" for m, v in zip(protocol.metrics, official, strict=True)
+        ),
+        precision=precision[..., -1],
     )
 
 

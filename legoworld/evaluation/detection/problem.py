@@ -41,7 +41,7 @@ class Detections:
 class TrueInstances:
     """Truth instances that take part, ordered by image; file order inside an image.
 
-    ignored: LVIS's `ignore` or COCO's crowd; crowd: COCO's iscrowd.
+    ignored: the annotation's `ignore`, or COCO's crowd; crowd: COCO's iscrowd.
     """
 
     image: Ints
@@ -98,7 +98,7 @@ def _truths(
     ignored = np.array([bool(a.get("ignore", 0)) for a in truth.annotations], bool)
     if protocol.federated:
         crowd[:] = False  # lvis compares every mask by IoU
-    else:
+    elif not protocol.payload.own_ignore:
         ignored = crowd  # cocoeval overwrites `ignore` with `iscrowd`
     order = np.argsort(image, kind="stable")
     if protocol.federated:

@@ -7,28 +7,19 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
+from legoworld.evaluation.detection.grid import SPACE, Grid
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.payloads.boxes import BOXES
+from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.payloads.payload import IouType, Payload
 from legoworld.tasks.registry import family_tasks, find_task
 from legoworld.tasks.shipped import DETECTION
 
 #: By the card's `readout.reads`.
-PAYLOADS: Final[Mapping[str, Payload]] = {one.name: one for one in (BOXES, MASKS, AMODAL)}
-
-#: COCO's and LVIS's area ranges in px^2, both ends included: all, small, medium, large.
-AREA_NAMES: Final = ("all", "small", "medium", "large")
-AREA_RANGES: Final = ((0.0, 1e10), (0.0, 1024.0), (1024.0, 9216.0), (9216.0, 1e10))
-
-#: Both evaluators build their grids this way; 0.05 steps by arange differ in the last bit.
-IOU_THRESHOLDS: Final[NDArray[np.float64]] = np.linspace(0.5, 0.95, 10, endpoint=True)
-RECALL_THRESHOLDS: Final[NDArray[np.float64]] = np.linspace(0.0, 1.0, 101, endpoint=True)
+PAYLOADS: Final[Mapping[str, Payload]] = {one.name: one for one in (BOXES, MASKS, AMODAL, BOXES3D)}
 
 
 @dataclass(frozen=True)
@@ -58,6 +49,11 @@ class DetectionProtocol:
     per_image_cap: int | None
     federated: bool
     metrics: tuple[Metric, ...]
+
+    @property
+    def grid(self) -> Grid:
+        """The payload's."""
+        return self.payload.grid
 
     @property
     def iou_type(self) -> IouType:
@@ -108,6 +104,15 @@ _LVIS_METRICS: Final = (
 )
 
 
+_SPACE_METRICS: Final = (
+    Metric("AP", "AP"),
+    *(Metric(f"AP{round(100 * iou)}", "AP", iou=iou) for iou in (0.15, 0.25, 0.5)),
+    *(Metric(f"AP{name[0]}", "AP", area=name) for name in SPACE.areas[1:]),
+    *(Metric(f"AR{rank}", "AR", max_rank=rank) for rank in (1, 10, 100)),
+    *(Metric(f"AR{name[0]}", "AR", area=name) for name in SPACE.areas[1:]),
+)
+
+
 @cache
 def detection_protocol(task: str) -> DetectionProtocol:
     """The rules of a task of boxes or masks: LVIS's where its dataset is federated, else COCO's."""
@@ -119,11 +124,13 @@ def detection_protocol(task: str) -> DetectionProtocol:
             expected=" or ".join(one.name for one in family_tasks(DETECTION)),
         )
     federated = known.dataset.federated
+    payload = PAYLOADS[load_card(task).reads]
+    official = _SPACE_METRICS if payload.grid is SPACE else _COCO_METRICS
     return DetectionProtocol(
         task=task,
-        payload=PAYLOADS[load_card(task).reads],
+        payload=payload,
         per_category_cap=None if federated else 100,
         per_image_cap=300 if federated else None,
         federated=federated,
-        metrics=_LVIS_METRICS if federated else _COCO_METRICS,
+        metrics=_LVIS_METRICS if federated else official,
     )

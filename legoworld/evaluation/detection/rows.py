@@ -25,14 +25,14 @@ def per_image_rows(
     run: Run, predictions: Predictions, score: Score, amodal: Sequence[AmodalSums] = ()
 ) -> list[DetectionRow]:
     """One row for every attempted image, ascending id. amodal: of each, or none."""
-    problem, table = score.problem, score.table
+    problem, table, half = score.problem, score.table, score.curves.grid.half
     n = len(problem.image_ids)
     predicted = np.searchsorted(problem.image_ids, predictions.entries.image_id)
     n_predictions = np.bincount(predicted, minlength=n)
     n_kept = np.bincount(problem.detections.image, minlength=n)
     n_unverified = np.bincount(problem.detections.image[~problem.detections.verified], minlength=n)
     n_ignored = np.bincount(problem.truths.image[problem.truths.ignored], minlength=n)
-    outcomes = _outcomes(table.state[0, 0], table.image, n)
+    outcomes = _outcomes(table.state[0, half], table.image, n)
     aware = image_sums(score.aware, class_aware=True)
     agnostic = image_sums(score.agnostic, class_aware=False)
     return [
@@ -57,13 +57,13 @@ def per_image_rows(
 
 def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     """One row for every category that has truth or predictions, ascending id."""
-    table = score.table
+    table, half = score.table, score.curves.grid.half
     n = len(table.category_ids)
     n_truths = table.truths_per_category[0]
     cells = table.n_truths[0] > 0
     n_images = np.bincount(table.truth_category[cells], minlength=n)
     n_predictions = np.bincount(table.category, minlength=n)
-    outcomes = _outcomes(table.state[0, 0], table.category, n)
+    outcomes = _outcomes(table.state[0, half], table.category, n)
     iou_sum = np.bincount(score.aware.cell_category, score.aware.cell_iou_sum, minlength=n)
     precision = category_precision(score.curves)
     recall = np.where(n_truths > 0, score.curves.recall[:, :, 0, -1].mean(axis=0), np.nan)
@@ -110,8 +110,9 @@ def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any
     kept[problem.detections.entry] = True
     outcome = np.full(len(predictions.entries), "over_cap", object)
     outcome[kept] = "unverified"
+    state = score.table.state[0, score.curves.grid.half]
     for kind, name in _OUTCOMES.items():
-        outcome[score.table.entry[score.table.state[0, 0] == kind]] = name
+        outcome[score.table.entry[state == kind]] = name
     pairs = _pairs_by_entry(score)
     drawn = []
     for k, entry in enumerate(predictions.entries.documents()):
@@ -124,14 +125,16 @@ def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any
                 "pair_iou": pair[1] if pair else None,
             }
         )
-    keys = ("id", "image_id", "category_id", "bbox", "segmentation", "visible_mask", "area",
-            "iscrowd", "ignore")  # fmt: skip
+    keys = (
+        "id", "image_id", "category_id", "bbox", "segmentation", "visible_mask", "area",
+        "iscrowd", "ignore", "bbox3D",
+    )  # fmt: skip
+    of_image = ["id", "file_name", "coco_url", "width", "height"]
+    if score.problem.protocol.payload.field == "bbox3D":
+        of_image.append("K")
     return {
         "truth.json": {
-            "images": [
-                {k: i[k] for k in ("id", "file_name", "coco_url", "width", "height") if k in i}
-                for i in truth.images
-            ],
+            "images": [{k: i[k] for k in of_image if k in i} for i in truth.images],
             "categories": [
                 {k: c[k] for k in ("id", "name", "frequency") if k in c} for c in truth.categories
             ],

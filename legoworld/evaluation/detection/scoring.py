@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts
 from legoworld.evaluation.detection.evaluators import (
     EvaluatorDisagreesError,
@@ -34,6 +35,7 @@ from legoworld.evaluation.detection.ranking.resampling import (
     resampled_metrics,
 )
 from legoworld.evaluation.detection.ranking.ties import TieResult, tie_orders
+from legoworld.pluralize import plural
 from legoworld.records.evaluation_summary import Interval, Values
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
@@ -89,7 +91,7 @@ def category_frequencies(truth: Truth) -> NDArray[np.str_]:
 def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Score:
     """Score predictions. EvaluatorDisagreesError if evaluator and matches disagree."""
     problem = build_problem(request.truth, predictions, request.protocol)
-    notice("matching")
+    notice(_said_matching(problem))
     matches = match_and_pair(problem, request.truth, predictions, request.pool)
     ranked = _score_ranking(request, predictions, problem, matches.state, notice)
     counts = matched_counts(problem, matches.aware), matched_counts(problem, matches.agnostic)
@@ -103,6 +105,24 @@ def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Sc
         agnostic=counts[1],
         intervals=_intervals(request, ranked.scores, ranked.table, *counts, samples),
     )
+
+
+def _said_matching(problem: Problem) -> str:
+    """What is about to be done. LegoWorldError where it is too much for an image."""
+    most, n = problem.protocol.payload.most_pairs, len(problem.image_ids)
+    if most is None:
+        return "matching"
+    pairs = np.bincount(problem.detections.image, minlength=n) * np.bincount(
+        problem.truths.image, minlength=n
+    )
+    if pairs.max(initial=0) > most:
+        raise LegoWorldError(
+            f"image {problem.image_ids[pairs.argmax()]} has too many boxes to compare",
+            found=f"{pairs.max():,} pairs of predictions and annotations",
+            expected=f"at most {most:,}",
+            next_step="leave out what is not a thing to be found, or divide the photo",
+        )
+    return f"matching {plural(int(pairs.sum()), 'pair', 'pairs')}"
 
 
 def ranked_score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> RankedScore:
@@ -193,7 +213,11 @@ def named_metrics(protocol: DetectionProtocol, official: tuple[float, ...]) -> V
 
 
 def category_precision(curves: Curves) -> Floats:
-    """(K, 3) AP, AP50, AP75 over all areas; NaN where a category has no truth."""
-    p = curves.precision[..., 0]
-    values = np.stack([p.mean(axis=(0, 1)), p[0].mean(axis=0), p[5].mean(axis=0)], axis=1)
-    return np.where(values < 0, np.nan, values)
+    """(K, 3) AP, AP50, AP75 over all areas; NaN without truth of a category, or the IoU."""
+    p, undefined = curves.precision[..., 0], np.full(curves.precision.shape[2], np.nan)
+    values = [p.mean(axis=(0, 1))]
+    for iou in (0.5, 0.75):
+        at = p[curves.grid.thresholds(iou)]
+        values.append(at[0].mean(axis=0) if len(at) else undefined)
+    stacked = np.stack(values, axis=1)
+    return np.where(stacked < 0, np.nan, stacked)

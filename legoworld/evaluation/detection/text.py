@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from legoworld.evaluation.detection.amodal_text import amodal_part, short_amodal
 from legoworld.evaluation.detection.protocols import (
@@ -19,15 +20,18 @@ from legoworld.evaluation.short_text import (
     image_counts,
 )
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_summary import DetectionSummary, Matched
+from legoworld.records.evaluation_summary import DetectionSummary, Matched, SpaceErrors
 from legoworld.tables.table import Number
 
+_SHOWN = ("AP25", "AP50", "AP75")
 _TITLES = {"AP": "Average Precision", "AR": "Average Recall"}
 
 
 def official_lines(protocol: DetectionProtocol, official: Sequence[float]) -> list[str]:
     """The 12 or 13 lines as pycocotools and lvis word them (a test holds them to it)."""
-    word = _lvis_line if protocol.federated else _coco_line
+    grid = protocol.grid
+    spread = f"{grid.iou[0]:.2f}:{grid.iou[-1]:.2f}"
+    word = _lvis_line if protocol.federated else partial(_coco_line, spread=spread)
     return [word(m, v) for m, v in zip(protocol.metrics, official, strict=True)]
 
 
@@ -41,7 +45,8 @@ def short_detections(summary: DetectionSummary) -> str:
     lines = [
         f"{describe_evaluator(summary)}, {summary.iou_type}: {image_counts(summary.coverage)}",
         f"AP {fraction(metrics['AP'])}{bounds(summary.intervals.get('AP'))}, "
-        f"AP50 {fraction(metrics['AP50'])}, AP75 {fraction(metrics['AP75'])} over {over}",
+        + ", ".join(f"{m} {fraction(metrics[m])}" for m in _SHOWN if m in metrics)
+        + f" over {over}",
     ]
     ties = summary.ties
     if ties.n_tied:
@@ -58,10 +63,22 @@ def short_detections(summary: DetectionSummary) -> str:
         f"{fraction(matched.miou_gt_micro)}"
     )
     lines += short_amodal(summary)
+    if summary.in_space:
+        lines.append(_space_line(summary.in_space))
     if summary.partial:
         lines.append("partial run: only some images of its track were attempted")
     warnings = [f"warning: {text}" for text in summary.warnings]
     return "\n".join([*lines, *first_few(warnings, "warning", "warnings")])
+
+
+def _space_line(errors: SpaceErrors) -> str:
+    if errors.center_m is None or errors.yaw_mod_90_deg is None:
+        return "no pair of boxes overlaps"
+    return (
+        f"medians over {plural(errors.pairs, 'pair', 'pairs')} that overlap: centres "
+        f"{errors.center_m:.3g} m apart, {fraction(errors.volume_ratio)} of the true volume, "
+        f"yaw off by {errors.yaw_mod_90_deg:.1f} degrees modulo 90"
+    )
 
 
 def evaluator_lines(summary: DetectionSummary) -> str:
@@ -71,8 +88,8 @@ def evaluator_lines(summary: DetectionSummary) -> str:
     return "\n\n".join([title, "\n".join(lines)])
 
 
-def _coco_line(metric: Metric, value: float) -> str:
-    iou = f"{metric.iou:0.2f}" if metric.iou else "0.50:0.95"
+def _coco_line(metric: Metric, value: float, spread: str = "0.50:0.95") -> str:
+    iou = f"{metric.iou:0.2f}" if metric.iou else spread
     cap = metric.max_rank or 100
     return (
         f" {_TITLES[metric.kind]:<18} ({metric.kind}) @[ IoU={iou:<9} | area={metric.area:>6s} "
@@ -192,6 +209,8 @@ def notes(summary: DetectionSummary) -> list[str]:
         f"{_many(group.truth_instances, 'instance')}"
         for letter, group in (counts.frequency_groups or {}).items()
     ]
+    if summary.in_space:
+        lines.append(_space_line(summary.in_space))
     if summary.partial:
         lines.append("partial run: only some images of its track were attempted")
     lines += [f"warning: {text}" for text in summary.warnings]

@@ -16,6 +16,8 @@ from legoworld.visibility.library import open_library
 
 _NO_MEMORY: Final = 1
 _FUNCTIONS: Final = (
+    "lw_box_ious",
+    "lw_box_volumes",
     "lw_hits",
     "lw_lanes",
     "lw_match",

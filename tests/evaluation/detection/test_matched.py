@@ -22,8 +22,8 @@ from hypothesis.extra import numpy as arrays
 from pycocotools import mask as coco_mask
 
 from legoworld.evaluation.detection.evaluators import run_evaluator
+from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.scoring import category_frequencies
 
@@ -252,7 +252,7 @@ def test_a_crowd_forgives_from_half_of_the_detection_on_and_any_number(tmp_path)
             numbers = pair_metrics(problem, read, found, whole, class_aware=aware)
             assert numbers["n_dt"][0] == 3 * counted
         share = (20 - outside) / 20
-        expected = [IGNORED if share >= t else FALSE_POSITIVE for t in IOU_THRESHOLDS]
+        expected = [IGNORED if share >= t else FALSE_POSITIVE for t in PICTURE.iou]
         assert (table.state[0] == np.array(expected)[:, None]).all()
 
 

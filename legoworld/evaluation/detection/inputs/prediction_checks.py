@@ -42,7 +42,7 @@ def as_predictions(entries: Sequence[Mapping[str, Json]], kind: type[_P]) -> lis
     try:
         return to_record(list[kind], entries)  # type: ignore[valid-type]
     except RecordError as error:
-        for key in (field.name for field in structs.fields(kind) if field.required):
+        for key in (field.encode_name for field in structs.fields(kind) if field.required):
             without = [entry for entry in entries if key not in entry]
             _refuse(
                 len(without),

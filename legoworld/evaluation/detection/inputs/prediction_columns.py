@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, repeat
-from typing import Any, overload
+from typing import Any, Final, Literal, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,9 @@ from legoworld.files import Json, canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.predictions import (
     Box,
+    Box3dPrediction,
     BoxPrediction,
+    Corners,
     MaskPrediction,
     Number,
     Prediction,
@@ -30,6 +32,9 @@ from legoworld.records.predictions import (
 
 Ints = NDArray[np.int64]
 Sizes = Mapping[int, tuple[int, int]]
+Shapes = tuple[Any, ...] | Texts
+NumberField = Literal["bbox", "bbox3D"]
+_ATTRIBUTES: Final[Mapping[NumberField, str]] = {"bbox": "bbox", "bbox3D": "corners"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,29 +42,32 @@ class PredictionColumns(Sequence[Prediction]):
     """Predictions that are made each time they are asked for.
 
     image_id, category_id: (n,); score: (n,) float64, or objects where integers are among them;
-    shape: (n,) boxes as given, or compressed counts; sizes_wh: of the images, None where shapes are
-    boxes; visible: of amodal masks, the compressed counts of their visible parts.
+    shape: (n,) boxes as given, corners in space, or compressed counts; sizes_wh: of the images,
+    None where shapes are numbers; field: of a prediction, where numbers are;
+    visible: of amodal masks, the compressed counts of their visible parts.
     """
 
     image_id: Ints
     category_id: Ints
     score: NDArray[Any]
-    shape: tuple[Box, ...] | Texts
+    shape: Shapes
     sizes_wh: Sizes | None
+    field: NumberField = "bbox"
     visible: Texts | None = None
 
     def take(self, places: Ints) -> PredictionColumns:
         """The predictions at these positions, in their order."""
         if isinstance(self.shape, Texts):
-            shape: tuple[Box, ...] | Texts = self.shape.take(places)
+            shape: Shapes = self.shape.take(places)
         else:
-            shape = tuple(self.shape[k] for k in places.tolist())
+            shape = cast("Shapes", tuple(self.shape[k] for k in places.tolist()))
         return PredictionColumns(
             image_id=self.image_id[places],
             category_id=self.category_id[places],
             score=self.score[places],
             shape=shape,
             sizes_wh=self.sizes_wh,
+            field=self.field,
             visible=None if self.visible is None else self.visible.take(places),
         )
 
@@ -71,7 +79,7 @@ class PredictionColumns(Sequence[Prediction]):
         ):
             entry = {"image_id": image_id, "category_id": category_id, "score": score}
             if self.sizes_wh is None:
-                yield {**entry, "bbox": list(shape)}
+                yield {**entry, self.field: [list(n) if isinstance(n, tuple) else n for n in shape]}
                 continue
             width, height = self.sizes_wh[image_id]
             entry["segmentation"] = {"size": [height, width], "counts": shape}
@@ -88,6 +96,9 @@ class PredictionColumns(Sequence[Prediction]):
         values = zip(
             *(column.tolist() for column in columns), self.shape, self._visible(), strict=True
         )
+        if self.field == "bbox3D":
+            yield from map(canonical_json, self.documents())
+            return
         if self.sizes_wh is None:
             for category_id, image_id, score, box, _ in values:
                 numbers = ",".join(map(repr, box))
@@ -141,11 +152,16 @@ class PredictionColumns(Sequence[Prediction]):
         return self._prediction(image_id, category_id, self.shape[index], score, visible)
 
     def _prediction(
-        self, image_id: int, category_id: int, shape: Box | str, score: Number, visible: str | None
+        self,
+        image_id: int,
+        category_id: int,
+        shape: Box | Corners | str,
+        score: Number,
+        visible: str | None,
     ) -> Prediction:
         if self.sizes_wh is None:
-            assert not isinstance(shape, str)
-            return Prediction(image_id=image_id, category_id=category_id, bbox=shape, score=score)
+            numbers: dict[str, Any] = {_ATTRIBUTES[self.field]: shape}
+            return Prediction(image_id=image_id, category_id=category_id, score=score, **numbers)
         assert isinstance(shape, str)
         width, height = self.sizes_wh[image_id]
         return Prediction(
@@ -172,12 +188,21 @@ class GivenColumns:
 
 def box_columns(batches: Iterable[Sequence[BoxPrediction]]) -> GivenColumns:
     """The columns of boxes."""
-    head, shapes = _Heads(), list[Box]()
+    return _number_columns(batches, "bbox")
+
+
+def solid_columns(batches: Iterable[Sequence[Box3dPrediction]]) -> GivenColumns:
+    """The columns of boxes in space."""
+    return _number_columns(batches, "bbox3D")
+
+
+def _number_columns(batches: Iterable[Sequence[Scored]], field: NumberField) -> GivenColumns:
+    head, shapes = _Heads(), list[Any]()
     for batch in batches:
         head.add(batch)
-        shapes.extend([prediction.bbox for prediction in batch])
+        shapes.extend([getattr(prediction, _ATTRIBUTES[field]) for prediction in batch])
     return GivenColumns(
-        columns=head.columns(tuple(shapes), None),
+        columns=head.columns(tuple(shapes), None, field),
         size_hw=np.empty((0, 2), np.int64),
         n_uncompressed=0,
         n_boxed=0,
@@ -212,9 +237,12 @@ def mask_columns(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -
 
 
 def make_columns(predictions: Sequence[Prediction]) -> PredictionColumns:
-    """The columns of checked predictions: all of boxes, or all of compressed masks."""
+    """The columns of checked predictions: all boxes, all in space, or all compressed masks."""
     head = _Heads()
     head.add(predictions)
+    solids = tuple(p.corners for p in predictions if p.corners)
+    if solids:
+        return head.columns(solids, None, "bbox3D")
     boxes = tuple(p.bbox for p in predictions if p.bbox)
     if len(boxes) == len(predictions):
         return head.columns(boxes, None)
@@ -243,7 +271,9 @@ class _Heads:
         self._category_id.extend([p.category_id for p in batch])
         self._score.append(score_column([p.score for p in batch]))
 
-    def columns(self, shape: tuple[Box, ...] | Texts, sizes_wh: Sizes | None) -> PredictionColumns:
+    def columns(
+        self, shape: Shapes, sizes_wh: Sizes | None, field: NumberField = "bbox"
+    ) -> PredictionColumns:
         """The columns, with their shapes."""
         floats = all(part.dtype == np.float64 for part in self._score)
         empty = np.empty(0, np.float64 if floats else object)
@@ -253,6 +283,7 @@ class _Heads:
             score=np.concatenate([empty, *self._score]),
             shape=shape,
             sizes_wh=sizes_wh,
+            field=field,
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -39,8 +38,9 @@ def places_in_order(predictions: PredictionColumns, order: PredictionOrder) -> I
         return np.argsort(predictions.image_id, kind="stable")
     if predictions.sizes_wh is not None:
         return _masks_in_order(predictions)
-    numbers = itertools.chain.from_iterable(predictions.shape)
-    boxes = np.array(list(numbers), np.float64).reshape(-1, 4)
+    boxes = np.array(predictions.shape, np.float64).reshape(
+        len(predictions), 24 if predictions.field == "bbox3D" else 4
+    )
     score = predictions.score.astype(np.float64)
     if max(np.abs(boxes).max(initial=0), np.abs(score).max(initial=0)) > _EXACT:
         entries = list(predictions)
@@ -64,7 +64,7 @@ def _masks_in_order(predictions: PredictionColumns) -> Ints:
 
 
 def canonical_key(prediction: Prediction) -> tuple[Any, ...]:
-    """Image id, category id, payload (box numbers or RLE characters), higher score first."""
+    """Image id, category id, payload (numbers or RLE characters), higher score first."""
     mask = prediction.segmentation
-    payload = mask.counts if mask else prediction.bbox
+    payload = mask.counts if mask else prediction.corners or prediction.bbox
     return prediction.image_id, prediction.category_id, payload, -prediction.score

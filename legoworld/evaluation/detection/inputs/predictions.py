@@ -27,11 +27,11 @@ from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.payloads.payload import CheckBoxes, Checking
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.run import Run
-from legoworld.records.predictions import BoxPrediction, MaskPrediction
+from legoworld.records.predictions import Box3dPrediction, BoxPrediction, MaskPrediction
 from legoworld.tracks.vocabulary import Vocabulary
 
 #: Predictions some at a time; of the kind that the protocol scores (`prediction_type`).
-Batches = Iterable[Sequence[BoxPrediction | MaskPrediction]]
+Batches = Iterable[Sequence[BoxPrediction | MaskPrediction | Box3dPrediction]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,9 @@ class Predictions:
         return self.order == "canonical" or bool((np.diff(places) == 1).all())
 
 
-def prediction_type(protocol: DetectionProtocol) -> type[BoxPrediction] | type[MaskPrediction]:
+def prediction_type(
+    protocol: DetectionProtocol,
+) -> type[BoxPrediction] | type[MaskPrediction] | type[Box3dPrediction]:
     """What a protocol scores."""
     return protocol.payload.record
 

@@ -215,6 +215,13 @@ def check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]
     _refuse(name, "annotations", own, lambda a: wrong.get(id(a)), expected)
 
 
+def refuse_annotations(
+    name: str, own: Sequence[Foreign], fault: Fault, expected: str, next_step: str = _CORRECT
+) -> None:
+    """TruthInvalidError with how many annotations have a fault, and the first of them."""
+    _refuse(name, "annotations", own, fault, expected, next_step)
+
+
 def _objects(name: str, kind: str, entries: Sequence[Json]) -> Sequence[Foreign]:
     """The entries, all of which are objects."""
     _refuse(name, kind, entries, _object_fault)

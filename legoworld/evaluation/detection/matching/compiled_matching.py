@@ -12,16 +12,15 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching.chunks import Chunk
 from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
 from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.problem import Ints
-from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 from legoworld.evaluation.kernels.library import check, library, pointer
 
 #: As both evaluators compare: no overlap of 1 is lost to rounding.
-_THRESHOLDS: Final = np.minimum(IOU_THRESHOLDS, 1 - 1e-10)
-_LOW, _HIGH = (np.array(bound) for bound in zip(*AREA_RANGES, strict=True))
+_HIGHEST: Final = 1 - 1e-10
 
 Column = NDArray[Any]
 Arrays = list[Column]
@@ -61,11 +60,14 @@ class _RulesStruct(ctypes.Structure):
 def states_of_chunk(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
     """(A, T, D) the outcome of a chunk's detections, as in MatchTable."""
     first = chunk.first_detection, chunk.first_truth
-    return states_of_columns(first, *_columns(chunk, overlaps))
+    return states_of_columns(chunk.payload.grid, first, *_columns(chunk, overlaps))
 
 
 def states_of_columns(
-    first: tuple[Ints, Ints], detections: Sequence[Column], truths: Sequence[Column]
+    grid: Grid,
+    first: tuple[Ints, Ints],
+    detections: Sequence[Column],
+    truths: Sequence[Column],
 ) -> NDArray[np.uint8]:
     """(A, T, D) the outcome of detections that are given as columns.
 
@@ -73,10 +75,11 @@ def states_of_columns(
     Overlaps.iou, then category, area, verified, exhaustive; truths: category, area, ignored, crowd.
     """
     struct, _kept = _struct(first, [*detections, *truths])
+    thresholds, (low, high) = np.minimum(grid.iou, _HIGHEST), np.array(grid.ranges).T.copy()
     rules = _RulesStruct(
-        pointer(_THRESHOLDS), len(_THRESHOLDS), pointer(_LOW), pointer(_HIGH), len(_LOW)
+        pointer(thresholds), len(thresholds), pointer(low), pointer(high), len(low)
     )
-    state = np.zeros((len(_LOW), len(_THRESHOLDS), len(detections[1])), np.uint8)
+    state = np.zeros((len(low), len(thresholds), len(detections[1])), np.uint8)
     check(library().lw_match(ctypes.byref(struct), ctypes.byref(rules), pointer(state)))
     return state
 

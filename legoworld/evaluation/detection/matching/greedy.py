@@ -16,7 +16,6 @@ from legoworld.evaluation.detection.problem import (
     Ints,
     Problem,
 )
-from legoworld.evaluation.detection.protocols import AREA_RANGES
 
 #: The outcome of a detection at an area range and a threshold.
 FALSE_POSITIVE, TRUE_POSITIVE, IGNORED = 0, 1, 2
@@ -64,10 +63,10 @@ def match_table(problem: Problem, state: NDArray[np.uint8]) -> MatchTable:
     detections, truths = problem.detections, problem.truths
     order = np.lexsort((detections.rank, detections.image, -detections.score, detections.category))
     order = order[detections.verified[order]]
-    n_categories = len(problem.category_ids)
+    n_categories, ranges = len(problem.category_ids), problem.protocol.grid.ranges
     cells, cell = np.unique(truths.image * n_categories + truths.category, return_inverse=True)
-    counts = np.zeros((len(AREA_RANGES), len(cells)), np.int64)
-    for a, (low, high) in enumerate(AREA_RANGES):
+    counts = np.zeros((len(ranges), len(cells)), np.int64)
+    for a, (low, high) in enumerate(ranges):
         scored = ~truths.ignored & (truths.area >= low) & (truths.area <= high)
         counts[a] = np.bincount(cell[scored], minlength=len(cells))
     some = counts.any(axis=0)

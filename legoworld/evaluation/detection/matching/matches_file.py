@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts
-from legoworld.evaluation.detection.protocols import AREA_RANGES, IOU_THRESHOLDS
 from legoworld.evaluation.detection.scoring import RankedScore, Score
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -35,11 +34,12 @@ _TABLE: Final = (
 
 def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
     """Everything matches.npz holds. Positions point into image_ids and category_ids."""
+    grid = score.problem.protocol.grid
     arrays: dict[str, NDArray[Any]] = {
         "image_ids": score.table.image_ids,
         "category_ids": score.table.category_ids,
-        "iou_thresholds": IOU_THRESHOLDS,
-        "area_ranges_px": np.array(AREA_RANGES),
+        "iou_thresholds": grid.iou,
+        f"area_ranges_{grid.unit}": np.array(grid.ranges),
     }
     ranked: tuple[tuple[str, RankedScore | None], ...] = ((OWN, score), (EQUAL, equal))
     for prefix, one in ranked:

@@ -26,6 +26,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 from legoworld.evaluation.detection.inputs.texts import TextBuilder
 from legoworld.evaluation.detection.payloads.masks import MASKS, as_lists
 from legoworld.evaluation.detection.payloads.payload import Checking, Outline, Row
+from legoworld.records.evaluation_view import TrueImage
 from legoworld.records.predictions import AmodalPrediction, Rle
 
 _NOT_ALL: Final = "predictions scored by their amodal masks alone: not all have a visible_mask"
@@ -67,8 +68,8 @@ def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns
     return columns, n_empty
 
 
-def _outline(row: Row, size_hw: tuple[int, int]) -> Outline:
-    outline = MASKS.outline(row, size_hw)
+def _outline(row: Row, image: TrueImage) -> Outline:
+    outline, size_hw = MASKS.outline(row, image), (image.height, image.width)
     if not row.visible_mask:
         return outline
     visible = compress_mask(as_lists(row.visible_mask), size_hw)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
@@ -26,6 +27,7 @@ from legoworld.evaluation.detection.payloads.payload import (
     Payload,
     Row,
 )
+from legoworld.records.evaluation_view import TrueImage
 from legoworld.records.predictions import BoxPrediction
 
 if TYPE_CHECKING:
@@ -91,13 +93,14 @@ def _together(boxes: Sequence[Sequence[float]]) -> list[float]:
     return [*corner.tolist(), *(high.max(0) - corner).tolist()]
 
 
-def _outline(row: Row, _size_hw: tuple[int, int]) -> Outline:
+def _outline(row: Row, _image: TrueImage) -> Outline:
     return Outline(box=row.bbox or ())
 
 
 BOXES: Final = Payload(
     name="boxes",
     iou_type="bbox",
+    grid=PICTURE,
     record=BoxPrediction,
     field="bbox",
     given=_given,
@@ -107,6 +110,7 @@ BOXES: Final = Payload(
     packed=_packed,
     overlaps=_overlaps,
     shape=_shape,
+    compared=overlaps,
     together=_together,
     outline=_outline,
 )

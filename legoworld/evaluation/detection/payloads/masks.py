@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.caps import without_empty
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
@@ -18,6 +19,7 @@ from legoworld.evaluation.detection.inputs.masks import (
     covers,
     joined_texts,
     measure_masks,
+    overlaps,
     union,
 )
 from legoworld.evaluation.detection.inputs.prediction_checks import unusable_mask
@@ -39,7 +41,7 @@ from legoworld.evaluation.detection.payloads.payload import (
 )
 from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.records.base import UnsetType
-from legoworld.records.evaluation_view import Segmentation
+from legoworld.records.evaluation_view import Segmentation, TrueImage
 from legoworld.records.predictions import MaskPrediction, Rle
 
 if TYPE_CHECKING:
@@ -133,11 +135,11 @@ def _shape(row: Row, size_hw: tuple[int, int]) -> EncodedMask:
     return compress_mask(as_lists(row.segmentation), size_hw)
 
 
-def _outline(row: Row, size_hw: tuple[int, int]) -> Outline:
+def _outline(row: Row, image: TrueImage) -> Outline:
     """A mask's counts, or the polygons; a prediction's box is its mask's."""
     if not isinstance(row.segmentation, Rle):
         return Outline(box=row.bbox or (), polygons=row.segmentation or ())
-    mask = _shape(row, size_hw)
+    mask = _shape(row, (image.height, image.width))
     return Outline(box=row.bbox or bounding_box(mask), rle=mask["counts"].decode("ascii"))
 
 
@@ -153,6 +155,7 @@ def as_lists(segmentation: Segmentation | UnsetType) -> dict[str, Any] | list[li
 MASKS: Final = Payload(
     name="masks",
     iou_type="segm",
+    grid=PICTURE,
     record=MaskPrediction,
     field="segmentation",
     given=_given,
@@ -162,6 +165,7 @@ MASKS: Final = Payload(
     packed=tuple,
     overlaps=_overlaps,
     shape=_shape,
+    compared=overlaps,
     together=union,
     outline=_outline,
 )

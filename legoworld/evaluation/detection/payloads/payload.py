@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
@@ -18,14 +19,15 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 from legoworld.evaluation.detection.inputs.prediction_order import PredictionOrder
 from legoworld.evaluation.detection.inputs.truth_checks import CheckShapes, Foreign
 from legoworld.files import Json
-from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
-from legoworld.records.predictions import BoxPrediction, MaskPrediction
+from legoworld.records.evaluation_summary import SpaceErrors
+from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.predictions import Box3dPrediction, BoxPrediction, MaskPrediction
 
 if TYPE_CHECKING:
     from legoworld.evaluation.detection.matching.chunks import Chunk
     from legoworld.evaluation.detection.protocols import DetectionProtocol
 
-IouType = Literal["bbox", "segm"]
+IouType = Literal["bbox", "segm", "bbox3D"]
 CheckBoxes = Callable[[Sequence[int], Sequence[Json], Sizes], Mapping[str, int]]
 #: A row of view/: an annotation or a prediction.
 Row = TrueAnnotation | ShownPrediction
@@ -83,13 +85,18 @@ class Payload:
     check_shapes: annotations of wanted images, by all of the file's images, wherever shapes matter;
     check_format: also, where they are scored. TruthInvalidError.
     packed: shapes of a chunk as it keeps them; overlaps: of a chunk's detections and truths.
-    shape: of a row of view/, in a picture of (height, width), as pycocotools compares it; together:
-    the shape that covers several; outline: of a row, in such a picture.
+    shape: of a row of view/, in a picture of (height, width), as it is compared; compared: (n, m)
+    overlaps of shapes with others, of which some are crowds, as in `Overlaps`; together: the shape
+    that covers several; outline: of a row, in the picture of an image.
+    own_ignore: whether `ignore` of annotations counts; most_pairs: of detections and truths in an
+    image, None where nothing bounds them; difference: of a row and its truth in words; pair_errors:
+    of shapes and their truths.
     """
 
     name: str
     iou_type: IouType
-    record: type[BoxPrediction] | type[MaskPrediction]
+    grid: Grid
+    record: type[BoxPrediction] | type[MaskPrediction] | type[Box3dPrediction]
     field: str
     given: Callable[[Iterable[Sequence[Any]], Sizes], GivenColumns]
     checked: Callable[[GivenColumns, Checking], tuple[PredictionColumns, int]]
@@ -98,6 +105,11 @@ class Payload:
     packed: Callable[[Sequence[Any]], Any]
     overlaps: Callable[[Chunk], Overlaps]
     shape: Callable[[Row, tuple[int, int]], Any]
+    compared: Callable[[Any, Any, Sequence[int]], NDArray[np.float64]]
     together: Callable[[Sequence[Any]], Any]
-    outline: Callable[[Row, tuple[int, int]], Outline]
+    outline: Callable[[Row, TrueImage], Outline]
     document: Callable[[Foreign, str], Foreign] = _as_is
+    own_ignore: bool = False
+    most_pairs: int | None = None
+    difference: Callable[[Row, Row], str] | None = None
+    pair_errors: Callable[[Sequence[Any], Sequence[Any]], SpaceErrors] | None = None

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS, Grid
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import (
-    AREA_NAMES,
-    IOU_THRESHOLDS,
-    RECALL_THRESHOLDS,
     DetectionProtocol,
     Metric,
 )
@@ -32,6 +30,7 @@ class Curves:
     precision: Floats
     recall: Floats
     ranks: tuple[int | None, ...]
+    grid: Grid
 
 
 def distinct_max_dets(protocol: DetectionProtocol) -> tuple[int | None, ...]:
@@ -41,13 +40,13 @@ def distinct_max_dets(protocol: DetectionProtocol) -> tuple[int | None, ...]:
 
 def accumulate(table: MatchTable, protocol: DetectionProtocol) -> Curves:
     """The curves of every category and area."""
-    ranks = distinct_max_dets(protocol)
-    shape = len(IOU_THRESHOLDS), len(table.category_ids), len(AREA_NAMES)
+    ranks, grid = distinct_max_dets(protocol), protocol.grid
+    shape = N_THRESHOLDS, len(table.category_ids), len(grid.areas)
     precision = np.full((shape[0], len(RECALL_THRESHOLDS), *shape[1:]), -1.0)
     recall = np.full((*shape, len(ranks)), -1.0)
     n_truths = table.truths_per_category
     for k, rows in enumerate(table.category_slices):
-        for a in range(len(AREA_NAMES)):
+        for a in range(len(grid.areas)):
             if not n_truths[a, k]:
                 continue
             true = table.state[a, :, rows] == TRUE_POSITIVE
@@ -56,7 +55,7 @@ def accumulate(table: MatchTable, protocol: DetectionProtocol) -> Curves:
             for m, rank in enumerate(ranks):
                 within = true if rank is None else true[:, table.rank[rows] < rank]
                 recall[:, k, a, m] = within.sum(axis=1) / n_truths[a, k]
-    return Curves(precision=precision, recall=recall, ranks=ranks)
+    return Curves(precision=precision, recall=recall, ranks=ranks, grid=grid)
 
 
 def metric_value(
@@ -66,8 +65,8 @@ def metric_value(
 
     frequencies: (K,) LVIS's r, c, f; needed for the metrics of a frequency group.
     """
-    a = AREA_NAMES.index(metric.area)
-    thresholds = slice(None) if metric.iou is None else metric.iou == IOU_THRESHOLDS
+    a = curves.grid.areas.index(metric.area)
+    thresholds = curves.grid.thresholds(metric.iou)
     if metric.kind == "AP":
         values = curves.precision[thresholds, :, :, a]
     else:

@@ -10,9 +10,9 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.problem import Floats, Ints
-from legoworld.evaluation.detection.protocols import IOU_THRESHOLDS, RECALL_THRESHOLDS
 from legoworld.evaluation.kernels.library import check, library, pointer
 
 Bits = NDArray[np.uint16]
@@ -107,7 +107,7 @@ def resample(
     equal scores, a b becomes a b a b (docs/protocols/ties.md). A draw holds less than 2**31
     detections.
     """
-    shape = len(IOU_THRESHOLDS), len(n_truths)
+    shape = N_THRESHOLDS, len(n_truths)
     precision = np.zeros(shape)
     limits = np.array([_ANY_RANK if r is None else r for r in ranks], np.int32)
     recalled = np.zeros((len(limits), *shape), np.int32)
@@ -117,7 +117,7 @@ def resample(
         len(ranking.image),
         pointer(RECALL_THRESHOLDS),
         len(RECALL_THRESHOLDS),
-        len(IOU_THRESHOLDS),
+        N_THRESHOLDS,
         pointer(limits),
         len(limits),
     )
@@ -145,7 +145,7 @@ def ordered_precision(
         pointer(is_true), pointer(is_ignored), ctypes.c_int64(len(is_true)), pointer(order),
         pointer(plain), ctypes.c_int64(len(order)), ctypes.c_int32(n_truths),
         pointer(RECALL_THRESHOLDS), ctypes.c_int32(len(RECALL_THRESHOLDS)),
-        ctypes.c_int32(len(IOU_THRESHOLDS)), pointer(values),
+        ctypes.c_int32(N_THRESHOLDS), pointer(values),
     )  # fmt: skip
     check(done)
     return values

@@ -12,14 +12,10 @@ from scipy import sparse
 
 from legoworld.errors import ShapeError
 from legoworld.evaluation.category_threads import category_threads
+from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.problem import Floats
-from legoworld.evaluation.detection.protocols import (
-    AREA_NAMES,
-    IOU_THRESHOLDS,
-    DetectionProtocol,
-    Metric,
-)
+from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
 from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     in_lanes,
     rank_category,
@@ -45,8 +41,9 @@ def resampled_metrics(
     laned, by_image = in_lanes(counts), np.ascontiguousarray(counts.T)
     rows = table.category_slices
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
+    grid = protocol.grid
     with category_threads() as pool:
-        for a, area in enumerate(AREA_NAMES):
+        for a, area in enumerate(grid.areas):
             truths = _truths_by_image(table, a) @ by_image
             jobs = [
                 (int(k), [m for m in protocol.metrics if m.area == area and _is_in(m, group_of[k])])
@@ -54,7 +51,7 @@ def resampled_metrics(
             ]
             by_category = pool.map(
                 lambda job, a=a, n=truths: _category(
-                    table, a, rows[job[0]], laned, n[job[0]], job[1]
+                    table, a, rows[job[0]], laned, n[job[0]], job[1], grid
                 ),
                 jobs,
             )
@@ -74,7 +71,7 @@ def metrics_of_one_image(
     """Metrics whose truth lies in fewer than two images: resampling cannot show their spread."""
     lone = set()
     for metric in protocol.metrics:
-        cells = table.n_truths[AREA_NAMES.index(metric.area)] > 0
+        cells = table.n_truths[protocol.grid.areas.index(metric.area)] > 0
         if metric.frequency is not None:
             cells &= frequencies[table.truth_category] == metric.frequency
         if len(np.unique(table.truth_image[cells])) < 2:
@@ -114,6 +111,7 @@ def _category(
     laned: NDArray[np.uint16],
     n_truths: Counts,
     metrics: list[Metric],
+    grid: Grid,
 ) -> dict[str, Floats]:
     """(draws,) of each metric for one category and area; meaningless where n_truths is 0."""
     ranking = rank_category(
@@ -125,7 +123,7 @@ def _category(
     recall = {rank: recalls[r] / some for r, rank in enumerate(ranks)}
     values = {}
     for m in metrics:
-        which = slice(None) if m.iou is None else m.iou == IOU_THRESHOLDS
+        which = grid.thresholds(m.iou)
         values[m.name] = mean_of_rows((precision if m.kind == "AP" else recall[m.max_rank])[which])
     return values
 

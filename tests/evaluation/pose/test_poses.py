@@ -1,0 +1,232 @@
+"""BOP's pose errors and recall, on folders that are written here and by a view."""
+
+import json
+import math
+
+import cv2
+import numpy as np
+import pytest
+from evaluation.solids import about_y
+from readouts.level_view import CUBE, FACES, about_z, seen
+
+from legoworld.api.bop_export import write_bop
+from legoworld.evaluation.pose.errors import (
+    Model,
+    Photo,
+    drawn_depth,
+    mspd,
+    mssd,
+    symmetries,
+    visible_to_bop,
+    vsd,
+)
+from legoworld.evaluation.pose.folder import BopFolder, PoseInputError, read_ply, read_results
+from legoworld.evaluation.pose.score import TAUS, score_poses
+
+K = np.array([[100.0, 0, 31.5], [0, 100, 23.5], [0, 0, 1]])
+CUBE_MM = (CUBE * 100).astype(np.float32)
+
+
+def model(**more):
+    return Model(
+        vertices=CUBE_MM,
+        triangles=FACES,
+        diameter=100 * math.sqrt(3),
+        symmetries=symmetries(more),
+    )
+
+
+def pose(x=0.0, y=0.0, z=500.0, turn=None):
+    return np.column_stack([np.eye(3) if turn is None else turn, [x, y, z]])
+
+
+def photo(depth=None):
+    return Photo(intrinsics=K, depth_mm=np.zeros((48, 64)) if depth is None else depth)
+
+
+def test_a_moved_object_is_off_by_its_motion():
+    assert mssd(model(), pose(), pose()) == 0
+    assert mssd(model(), pose(x=3, z=504), pose()) == pytest.approx(5)
+    # The nearest corners, 450 mm away, move most in the picture.
+    assert mspd(model(), pose(x=9), pose(), photo()) == pytest.approx(100 * 9 / 450)
+
+
+@pytest.mark.parametrize(
+    "info",
+    [
+        {
+            "symmetries_discrete": [
+                [*r, 0, 0, 0, 0, 1] for r in [[0, 0, 1, 0, 0, 1, 0, 0, -1, 0, 0]]
+            ]
+        },
+        {"symmetries_continuous": [{"axis": [0, 1, 0], "offset": [0, 0, 0]}]},
+    ],
+)
+def test_a_symmetric_object_turned_into_itself_is_not_off(info):
+    turned = pose(turn=about_y(90))
+    assert mssd(model(), turned, pose()) == pytest.approx(100)
+    assert mssd(model(**info), turned, pose()) == pytest.approx(0, abs=0.6)
+    assert mspd(model(**info), turned, pose(), photo()) == pytest.approx(0, abs=0.2)
+
+
+def test_what_is_visible_by_bop_s_rule():
+    """10 mm behind a sheet of paper is visible; nothing measured hides nothing."""
+    far = Photo(intrinsics=np.diag([1e9, 1e9, 1.0]), depth_mm=np.array([[0.0, 500, 500, 900]]))
+    drawn = np.array([[510.0, 510, 520, 900]])
+    assert visible_to_bop(far, drawn).tolist() == [[True, True, False, True]]
+    assert visible_to_bop(far, np.zeros((1, 4))).tolist() == [[False] * 4]
+
+
+def plain_vsd(mine, theirs, measured, diameter, tau, delta=15.0):
+    """Over all pixels, one at a time; distances from the camera's centre."""
+    union = wrong = 0
+    for v in range(48):
+        for u in range(64):
+            ray = math.sqrt(((u - 31.5) / 100) ** 2 + ((v - 23.5) / 100) ** 2 + 1)
+            d, e, g = (float(a[v, u]) * ray for a in (measured, mine, theirs))
+            in_g = g > 0 and (d == 0 or g - d <= delta)
+            in_e = e > 0 and (d == 0 or e - d <= delta or in_g)
+            union += in_g or in_e
+            wrong += (in_g != in_e) or (in_g and in_e and abs(e - g) / diameter >= tau)
+    return wrong / union if union else 1.0
+
+
+@pytest.mark.parametrize(
+    "estimate",
+    [pose(), pose(x=30), pose(z=520), pose(x=-10, z=530, turn=about_y(40)), pose(x=4000)],
+)
+def test_visible_surface_discrepancy_is_that_of_plain_python(estimate):
+    one = model()
+    scene = drawn_depth(one, pose(), photo())
+    scene[:, :28] = 300  # something in front of the left part
+    scene[:4] = 0
+    seen_by = photo(scene)
+    found = vsd(one, estimate, pose(), seen_by, TAUS)
+    drawn = [drawn_depth(one, p, seen_by) for p in (estimate, pose())]
+    expected = [plain_vsd(*drawn, scene, one.diameter, tau) for tau in TAUS]
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert found == sorted(found, reverse=True)
+
+
+def test_nothing_visible_of_either_is_an_error_of_one():
+    away = pose(x=9000)
+    assert vsd(model(), away, away, photo(), TAUS) == [1.0] * len(TAUS)
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    """A view of three cubes, one of which hides most of another, as a BOP folder."""
+    made = seen(
+        (about_z(20), (-1.5, 6, 0)),
+        (np.diag([1.0, 1, 2]), (1.5, 6, 0)),
+        (np.eye(3) * 0.5, (1.4, 4, 0.2)),
+    )
+    write_bop(made, [0, 1, 2], ["cup", "cup", "chair"], tmp_path / "bop")
+    return tmp_path / "bop"
+
+
+def results(path, folder, change=None, more=()):
+    truths = json.loads((folder / "test/000001/scene_gt.json").read_text())["0"]
+    lines = ["scene_id,im_id,obj_id,score,R,t,time"]
+    for n, one in enumerate(truths):
+        rotation, place = one["cam_R_m2c"], one["cam_t_m2c"]
+        place = change(n, place) if change else place
+        r, t = (" ".join(map(str, values)) for values in (rotation, place))
+        lines.append(f"1,0,{one['obj_id']},0.9,{r},{t},-1")
+    path.write_text("\n".join([*lines, *more]) + "\n")
+    return path
+
+
+def test_the_poses_of_a_view_score_one_against_themselves(dataset, tmp_path):
+    made = score_poses(dataset, results(tmp_path / "own.csv", dataset))
+    assert (made.ar, made.ar_vsd, made.ar_mssd, made.ar_mspd) == (1, 1, 1, 1)
+    assert made.n_truths == made.n_estimates == 3
+
+
+def test_recall_is_averaged_over_thresholds(dataset, tmp_path):
+    """One of three moved by 12 % of its diameter: found from 15 % on."""
+    info = json.loads((dataset / "models/models_info.json").read_text())
+    step = 0.12 * info["1"]["diameter"]
+
+    def moved(n, t):
+        return [t[0], t[1] + step, t[2]] if n == 0 else t
+
+    made = score_poses(dataset, results(tmp_path / "off.csv", dataset, moved))
+    assert made.ar_mssd == pytest.approx((2 + 8 / 10) / 3)
+    assert made.ar == pytest.approx((made.ar_vsd + made.ar_mssd + made.ar_mspd) / 3)
+
+
+def test_of_too_many_estimates_the_most_confident_count(dataset, tmp_path):
+    worse = ["1,0,1,0.1,1 0 0 0 1 0 0 0 1,0 0 900,-1", "1,0,7,0.1,1 0 0 0 1 0 0 0 1,0 0 900,-1"]
+    made = score_poses(dataset, results(tmp_path / "r.csv", dataset, more=worse))
+    assert made.ar == 1
+    assert made.n_estimates == 3
+
+
+def test_the_folder_holds_what_bop_s_tools_read(dataset):
+    scene = dataset / "test/000001"
+    truths = json.loads((scene / "scene_gt.json").read_text())["0"]
+    assert truths[1]["cam_t_m2c"] == pytest.approx([1500, 0, 6000])
+    camera = json.loads((scene / "scene_camera.json").read_text())["0"]
+    assert camera["cam_K"][2] == camera["cam_K"][5] == 49.5  # of 100 columns: the middle
+    depth = cv2.imread(str(scene / "depth/000000.png"), cv2.IMREAD_UNCHANGED)
+    assert depth.dtype == np.uint16
+    of_small = cv2.imread(str(scene / "mask_visib/000000_000002.png"), cv2.IMREAD_UNCHANGED) > 0
+    assert depth[of_small].min() * camera["depth_scale"] == pytest.approx(3750, abs=0.2)
+    infos = json.loads((scene / "scene_gt_info.json").read_text())["0"]
+    assert infos[0]["visib_fract"] == infos[0]["visible_share"] == 1
+    assert infos[1]["visib_fract"] == pytest.approx(infos[1]["visible_share"])
+    assert infos[1]["visible_share"] < 1
+    vertices, triangles = read_ply(dataset / "models/obj_000002.ply")
+    assert vertices.min(axis=0) == pytest.approx([-500, -1000, -500], abs=1e-3)
+    assert triangles.shape == (12, 3)
+    drawn = drawn_depth(BopFolder(dataset).model(3), np.column_stack(
+        [np.reshape(truths[2]["cam_R_m2c"], (3, 3)), truths[2]["cam_t_m2c"]]),
+        BopFolder(dataset).photo(1, 0))  # fmt: skip
+    assert ((drawn > 0) == of_small).all()
+
+
+def test_text_plys_are_read_and_others_refused(tmp_path):
+    text = "\n".join(
+        ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {a}" for a in "xyz"),
+         "element face 1", "property list uchar int vertex_indices", "end_header",
+         "0 0 0", "1 0 0", "0 2 0", "3 0 1 2"]
+    )  # fmt: skip
+    (tmp_path / "a.ply").write_text(text + "\n")
+    vertices, triangles = read_ply(tmp_path / "a.ply")
+    assert vertices[2].tolist() == [0, 2, 0]
+    assert triangles.tolist() == [[0, 1, 2]]
+    (tmp_path / "b.ply").write_bytes(b"solid of another kind")
+    with pytest.raises(PoseInputError, match=r"b\.ply cannot be read.*a PLY of triangles"):
+        read_ply(tmp_path / "b.ply")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("1,0,1,1,1 0 0 0 1 0 0 0,0 0 9,-1", "line 2 of r.csv cannot be scored"),
+        ("1,0,1,1,2 0 0 0 1 0 0 0 1,0 0 9,-1", "R is no rotation"),
+        ("1,0,1,x,1 0 0 0 1 0 0 0 1,0 0 9,-1", "could not convert"),
+        ("1,5,1,1,1 0 0 0 1 0 0 0 1,0 0 9,-1", "scene 1, image 5"),
+    ],
+)
+def test_results_that_cannot_be_scored_are_refused_by_their_line(line, said, dataset, tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text(f"scene_id,im_id,obj_id,score,R,t,time\n{line}\n")
+    with pytest.raises(PoseInputError, match=said):
+        score_poses(dataset, path)
+
+
+def test_files_that_are_not_there_are_named(dataset, tmp_path):
+    path = results(tmp_path / "r.csv", dataset)
+    assert list(read_results(path))[1].obj_id == 2
+    with pytest.raises(PoseInputError, match="is no BOP dataset"):
+        score_poses(tmp_path, path)
+    with pytest.raises(PoseInputError, match=r"none\.csv cannot be read"):
+        score_poses(dataset, tmp_path / "none.csv")
+    (dataset / "test/000001/scene_camera.json").write_text("{}")
+    with pytest.raises(PoseInputError, match=r"scene_camera\.json.*image 0"):
+        score_poses(dataset, path)
+    (dataset / "test/000001/scene_gt_info.json").write_text("{")
+    with pytest.raises(PoseInputError, match=r"scene_gt_info\.json cannot be read"):
+        score_poses(dataset, path)
