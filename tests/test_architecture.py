@@ -201,6 +201,7 @@ AT_HOME = {
     "commands/bench_command.py": "the command of that name",
     "cli.py": "the command of that name",
     "commands/export_command.py": "a file format",
+    "api/coco_export.py": "a file format",
     "report/page_file.py": "a key of the page",
     "commands/demo_command.py": "the tasks that the examples have ground truth for",
 }
