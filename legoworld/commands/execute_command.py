@@ -11,7 +11,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output
-from legoworld.commands.param_types import EXISTING_FILE
+from legoworld.commands.param_types import EXISTING_FILE, WRITTEN
 
 if TYPE_CHECKING:
     from legoworld.records.execution import ExecutionFile
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @click.command("execute")
 @click.argument("program", type=EXISTING_FILE)
-@option("--output", "Scene folder to write.")
+@option("--output", "Scene folder to write, or a .blend or .glb to write alone.", WRITTEN)
 @off("--no-picture picture", "Do not render final.png.")
 @option("--input", "File or folder the program may read; repeatable.")
 @option("--sandbox")
@@ -51,11 +51,14 @@ def command(
     Examples:
       legoworld execute scene.py -o scenes/000000000139
       legoworld execute scene.py -o scenes/coffee --time-limit 600
+      legoworld execute scene.py -o kitchen.blend
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
     from legoworld.scene.programs.execution import execute
     from legoworld.workers.protections import protections
 
+    if output.is_file() and output.suffix.lower() not in (".blend", ".glb"):
+        raise click.UsageError(f"-o {output} is a file, and no .blend or .glb")
     held = protections(sandbox)
     if held.bubblewrap is None:
         out.notice(

@@ -51,7 +51,9 @@ def command(
     out: Output,
     **given: Unpack[PhotoOptions],
 ) -> int:
-    """Score one PROGRAM_OR_SCENE, a .py or a scene folder, against one photo's ground truth.
+    """Score one PROGRAM_OR_SCENE against one photo's ground truth.
+
+    PROGRAM_OR_SCENE: a .py, any .blend or .glb, or a scene folder.
 
     Does in one command what execute, track make, readout, inspect, evaluate and report do for a
     set: prints the numbers of this photo, what to fix, and where the overlay is. It is an
@@ -68,11 +70,8 @@ def command(
     from legoworld.api.settings import snapshot_cache
     from legoworld.workers.scratch import scratch_folder
 
-    if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
-        raise click.UsageError(
-            f"{program_or_scene} is not a .py, a scene folder or its scene.blend; to read a "
-            "scene.glb, pass its folder with --source glb"
-        )
+    if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend", ".glb"):
+        raise click.UsageError(f"{program_or_scene} is not a .py, .blend, .glb or scene folder")
     with scratch_folder("legoworld-score-") as scratch:
         request = PhotoRequest(
             program_or_scene=program_or_scene,
