@@ -7,6 +7,7 @@ from typing import Final, cast
 
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.live import LIVE
 from legoworld.evaluation.detection.text import (
     detection_metrics,
     evaluator_lines,
@@ -51,4 +52,5 @@ EVALUATION: Final = EvaluationFamily(
     head=evaluator_lines,
     notes=notes,
     files=frozenset({MATCHES}),
+    live=LIVE,
 )
