@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +26,16 @@ from legoworld.tasks.shipped import TaskName
 Answers = SceneView | Picture | LiveAnswers | Mapping[int, SceneView]
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Truth:
-    """Ground truth in memory, checked once: every `score` against it costs its images alone."""
+    """Ground truth in memory, checked once: every `score` against it costs its images alone.
 
-    def __init__(self, task: str, family: LiveFamily, held: Any) -> None:
-        self.task = task
-        self._family = family
-        self._held = held
+    held: what `family` made of it.
+    """
+
+    task: str
+    family: LiveFamily
+    held: Any
 
     @classmethod
     def open(cls, truth: LiveTruth, *, task: TaskName | str) -> Truth:
@@ -47,16 +51,16 @@ class Truth:
         family = load_evaluation_family(task).live
         if family is None:
             raise UsageError(f"{task} is not scored in memory", next_step="evaluate a run folder")
-        return cls(task, family, family.open(task, truth))
+        return cls(task=task, family=family, held=family.open(task, truth))
 
     @property
     def sizes_wh(self) -> Mapping[int, tuple[int, int]]:
         """Width and height in pixels of each of its images, by id."""
-        return self._family.sizes_wh(self._held)
+        return self.family.sizes_wh(self.held)
 
     def score(self, answers: LiveAnswers, image_ids: Collection[int] | None) -> Scores:
         """The scores of answers to images, None for all."""
-        return self._family.score(self.task, self._held, answers, image_ids)
+        return self.family.score(self.task, self.held, answers, image_ids)
 
 
 def score(
