@@ -66,7 +66,7 @@ def torchvision_target(
     made: dict[str, Any] = {**of_numpy}
     if arrays == "torch":
         try:
-            import torch
+            import torch  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise UsageError(
                 "tensors need PyTorch", found=str(error), next_step='install it, or arrays="numpy"'
