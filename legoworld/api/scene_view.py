@@ -217,14 +217,17 @@ class SceneView:
     def _layers(self) -> AmodalLayers:
         """Every instance of this view as if it were alone; drawn at the first question."""
         view, render = self._inspection.view, self.render
-        if view.lens is not None:
-            raise UsageError(
-                "a view through a distorting lens has no amodal masks",
-                next_step="ask a view of the same camera without its lens",
-            )
+        self._refuse_lens("amodal masks")
         return amodal_layers(
             view.surfaces, view.projection, view.size_wh, depth_scale=render.unit_scale
         )
+
+    def _refuse_lens(self, what: str) -> None:
+        if self._inspection.view.lens is not None:
+            raise UsageError(
+                f"a view through a distorting lens has no {what}",
+                next_step="ask a view of the same camera without its lens",
+            )
 
     def amodal_masks(self) -> NDArray[np.bool_]:
         """(N, H, W) bool: what the picture would show of each of `labelled` if it stood alone.
@@ -338,6 +341,7 @@ class SceneView:
         from legoworld.readouts.relation_facts import relation_facts
         from legoworld.readouts.relation_kinds import FactBase
 
+        self._refuse_lens("relations")
         inspection = self._inspection
         return FactBase(relation_facts(inspection.view, inspection.grouping.instances))
 
