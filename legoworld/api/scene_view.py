@@ -341,7 +341,7 @@ class SceneView:
         from legoworld.readouts.relation_facts import relation_facts
         from legoworld.readouts.relation_kinds import FactBase
 
-        self._refuse_lens("relations")
+        self._refuse_lens("relations between instances")
         inspection = self._inspection
         return FactBase(relation_facts(inspection.view, inspection.grouping.instances))
 
