@@ -42,6 +42,7 @@ ROOMS = [
     ("scene",),
     ("endpoint", "solids"),
     ("visibility",),
+    ("camera_files",),
     ("readouts",),
     ("running",),
     ("plugin",),
@@ -117,9 +118,10 @@ def test_the_page_lists_the_rooms_as_they_are():
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_only_the_blender_corner_imports_bpy_and_nothing_imports_torch(path):
+def test_only_the_blender_corner_imports_bpy_and_only_targets_torch(path):
     tops = {name.split(".")[0] for name in imported(path)}
-    assert "torch" not in tops
+    if path.relative_to(PACKAGE).as_posix() != "api/targets.py":  # where tensors are asked for
+        assert "torch" not in tops
     if "blender" not in path.relative_to(PACKAGE).parts:
         assert not tops & {"bpy", "mathutils", "bmesh"}
 

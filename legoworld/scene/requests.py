@@ -60,6 +60,7 @@ class Request(TypedDict, total=False):
     blend: str
     output: str
     passing: bool
+    any_camera: bool
     card: CardRequest
     thumbnail_wh: tuple[int, int]
     case: CaseRequest

@@ -16,8 +16,9 @@ from legoworld import cli
 from legoworld.bench.harbor import HarborOptions
 from legoworld.plugin.serve import serve_plugin
 
-#: Commands whose words are taken: a scene is opened once and viewed often, and `report` is a room.
-OTHER_NAMES: Final = {"inspect": "open_scene", "report": "write_report"}
+#: Commands whose words are taken: a scene is opened once and viewed often, `report` is a room, and
+#: `score` scores what is in memory.
+OTHER_NAMES: Final = {"inspect": "open_scene", "report": "write_report", "score": "score_photo"}
 #: Commands about this installation, and those that serve another program: no functions.
 NO_FUNCTION: Final = {
     "demo", "doctor", "list", "agent list", "agent check", "agent install", "baseline install",
