@@ -173,6 +173,7 @@ CHECKS: Final[dict[str, _Check]] = {
     "engine": _one_of(*ENGINES),
     "evaluator": _or_none(_one_of("official", "fast")),
     "camera_model": _or_none(_one_of("none", "dataset")),
+    "variant": _or_none(_one_of("geometric", "shading")),
     "reference_sampling": _or_none(_check_text),
     "size_wh": _or_none(_check_pair(_check_integer(1, _LONGEST_PX), _SIZE)),
     "shard": _or_none(_check_shard),

@@ -60,6 +60,11 @@ if TYPE_CHECKING:
 @option("--engine")
 @option("--images-per-file")
 @option("--max-side", "Depth and normals: longest side of the rendered image, in pixels.", COUNT)
+@option(
+    "--variant",
+    "Normals: of the triangle's plane, or interpolated as the scene is shaded.",
+    click.Choice(["geometric", "shading"]),
+)
 @option("--no-render", "Bench only: R without A, no Cycles render.")
 @flag("--render-noise", "Bench only: render a second seed and compare.")
 @option("--overwrite")

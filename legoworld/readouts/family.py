@@ -17,6 +17,7 @@ from legoworld.tracks.track import Track
 
 if TYPE_CHECKING:
     from legoworld.scene.instances import Instance
+    from legoworld.visibility.normals import Variant
     from legoworld.visibility.view import View
 
 Export = tuple[Prediction, "Instance"]
@@ -27,7 +28,8 @@ Export = tuple[Prediction, "Instance"]
 class AnsweredImage:
     """One image as it was drawn.
 
-    name: of its scene or photo, without a suffix; run: the folder; threads: to draw more with.
+    name: of its scene or photo, without a suffix; run: the folder; normals: which of them are asked
+    for; threads: to draw more with.
     """
 
     image_id: int
@@ -35,6 +37,7 @@ class AnsweredImage:
     run: Path
     instances: Sequence[Instance]
     view: View
+    normals: Variant | None = None
     threads: int | None = None
 
 
@@ -47,8 +50,8 @@ class ReadoutFamily:
     there are none. sum_up: a run's summary with what is its own, of the rows that have a result.
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
-    family's options. table: what `inspect` shows of an image besides its instances. sum_up raises
-    RunDamagedError for rows that no run writes.
+    family's options. table: what `inspect` shows of an image besides its instances. normals: whether
+    the picture is drawn with normals. sum_up raises RunDamagedError for rows that no run writes.
     """
 
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
@@ -58,6 +61,7 @@ class ReadoutFamily:
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
     table: Callable[[AnsweredImage], Table] | None = None
     needs_instances: bool = True
+    normals: bool = False
 
 
 def answer_file(name: str, suffix: str) -> str:

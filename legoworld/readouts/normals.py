@@ -1,4 +1,4 @@
-"""Geometric normals: one uncompressed .npz per photo."""
+"""Normals: one uncompressed .npz per photo."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from legoworld.records.run_rows import NormalsFile, RunRow
 NORMALS_FILE: Final = PixelFile(
     folder="normals",
     array="normal_cam",
-    labels={"sign": "towards_camera", "kind": "geometric"},
+    labels={"sign": "towards_camera"},
     version=1,
     hole=np.nan,
     channels=3,
@@ -25,8 +25,10 @@ NORMALS_FILE: Final = PixelFile(
 
 def _write(row: RunRow, image: AnsweredImage) -> RunRow:
     name = NORMALS_FILE.path(image.name)
-    path, normals = image.run / name, image.view.normals(threads=image.threads)
-    NORMALS_FILE.write(path, normals.normal_cam, {})
+    path, normals = image.run / name, image.view.normals(
+        image.normals or "geometric", threads=image.threads
+    )
+    NORMALS_FILE.write(path, normals.normal_cam, {"variant": np.array(normals.variant)})
     share = normals.flipped_share
     file = NormalsFile(
         file=name,
@@ -44,4 +46,5 @@ READOUT: Final = ReadoutFamily(
     sum_up=lambda summary, _rows, _ok: summary,
     file_bytes=NORMALS_FILE.most_bytes,
     needs_instances=False,
+    normals=True,
 )

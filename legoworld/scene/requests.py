@@ -60,6 +60,7 @@ class Request(TypedDict, total=False):
     blend: str
     output: str
     passing: bool
+    corner_normals: bool
     card: CardRequest
     thumbnail_wh: tuple[int, int]
     case: CaseRequest

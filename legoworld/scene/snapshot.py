@@ -150,6 +150,10 @@ class Snapshot:
     float32, and one (H, W) uint8 alpha picture, top row first, per entry of `cutouts`.
     corner_alpha (T, 3) float32, empty where no attribute of a mesh decides: 1 where the triangle's
     own does not.
+
+    corner_normal: (T, 3, 3) float32, None where it was not asked for: in the mesh's frame, 0 of
+    triangles that are flat. It is not part of `content_sha256`, which is that of the scene whatever
+    is asked of it.
     """
 
     objects: tuple[SceneObject, ...]
@@ -173,9 +177,10 @@ class Snapshot:
     corner_uv: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3, 2), np.float32))
     cutout_alphas: tuple[NDArray[np.uint8], ...] = ()
     corner_alpha: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    corner_normal: NDArray[np.float32] | None = None
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Every array by name, in a fixed order."""
+        """Every array but corner_normal by name, in a fixed order."""
         named: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in ARRAYS}
         if self.cutouts:
             named["triangle_cutout"] = self.triangle_cutout
@@ -225,6 +230,8 @@ def save(snapshot: Snapshot, path: Path, *, passing: bool = False) -> str:
         "description": np.frombuffer(description.encode("utf-8"), np.uint8),
         "content_sha256": np.frombuffer(content.encode("ascii"), np.uint8),
     }
+    if snapshot.corner_normal is not None:
+        stored["corner_normal"] = snapshot.corner_normal
     write_arrays(path, stored | snapshot.arrays(), passing=passing)
     return content
 
@@ -260,6 +267,7 @@ def _from_parts(description: dict[str, Any], arrays: Mapping[str, NDArray[Any]])
         }
     if "corner_alpha" in arrays:
         optional["corner_alpha"] = arrays["corner_alpha"]
+    optional["corner_normal"] = arrays.get("corner_normal")
     required: dict[str, Any] = {name: arrays[name] for name in ARRAYS}
     return Snapshot(
         objects=tuple(

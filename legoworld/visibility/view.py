@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.conventions import ALPHA_THRESHOLD
+from legoworld.conventions import ALPHA_THRESHOLD, NO_INSTANCE
+from legoworld.errors import ShapeError
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
 from legoworld.visibility.camera import projection
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
-from legoworld.visibility.normals import Normals, geometric_normals
+from legoworld.visibility.normals import Normals, Variant, render_normals
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.runs import instance_extents
 
@@ -37,6 +38,8 @@ class View:
     snapshot: the scene; depth_scale: metres of a scene unit.
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
+    drawn_normals: where they were asked for; corner_normals: of the surfaces, None where the
+    snapshot was read without.
     """
 
     snapshot: Snapshot
@@ -47,30 +50,44 @@ class View:
     buffers: Buffers
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
+    drawn_normals: Normals | None
+    corner_normals: NDArray[np.float32] | None
 
-    def normals(self, *, threads: int | None = None) -> Normals:
-        """Geometric normals of the same picture, by another drawing.
+    def normals(self, variant: Variant = "geometric", *, threads: int | None = None) -> Normals:
+        """Normals of the same picture; by another drawing, where it was drawn without them.
 
         They do not depend on the grouping: where surfaces tie in stored depth, the first placement
-        is taken, whatever instance it belongs to.
+        is taken, whatever instance it belongs to. ShapeError for shading normals of a snapshot that
+        was read without corner normals.
         """
-        ids = self.surfaces.placement_id
-        numbers = np.where(ids == HOLDOUT, HOLDOUT, np.arange(len(ids))).astype(np.int32)
-        return geometric_normals(
-            replace(self.surfaces, placement_id=numbers),
+        if self.drawn_normals is not None and self.drawn_normals.variant == variant:
+            return self.drawn_normals
+        if variant == "shading" and self.corner_normals is None:
+            raise ShapeError("the snapshot has no corner normals")
+        return render_normals(
+            replace(self.surfaces, placement_id=_placements(self.surfaces)),
             self.projection,
             self.size_wh,
+            corner_normals=self.corner_normals if variant == "shading" else None,
             depth_scale=self.depth_scale,
             threads=threads,
         )
 
 
 def view(
-    snapshot: Snapshot, grouping: Grouping, size_wh: tuple[int, int], *, threads: int | None = None
+    snapshot: Snapshot,
+    grouping: Grouping,
+    size_wh: tuple[int, int],
+    *,
+    exact: bool = True,
+    normals: Variant | None = None,
+    threads: int | None = None,
 ) -> View:
-    """Render a snapshot's instances as its camera sees them."""
+    """`view_through` the snapshot's own camera."""
     camera = projection(snapshot.camera, snapshot.render, size_wh)
-    return view_through(camera, snapshot, grouping, size_wh, threads=threads)
+    return view_through(
+        camera, snapshot, grouping, size_wh, exact=exact, normals=normals, threads=threads
+    )
 
 
 def view_through(
@@ -79,31 +96,53 @@ def view_through(
     grouping: Grouping,
     size_wh: tuple[int, int],
     *,
+    exact: bool = True,
+    normals: Variant | None = None,
     threads: int | None = None,
 ) -> View:
     """Render a snapshot's instances from its camera's pose with a given projection.
 
-    camera: in pixels of `size_wh` and scene units.
+    camera: in pixels of `size_wh` and scene units. exact: of surfaces at equal stored depth the
+    lower instance is shown; otherwise the first placement may be. normals: drawn along where both
+    rules are one, or the first is not needed.
     """
     surfaces = _surfaces(snapshot, grouping.surface_instance)
-    buffers = render(
-        surfaces,
-        camera,
-        size_wh,
-        depth_scale=snapshot.render.unit_scale,
-        threads=threads,
-    )
+    scale, drawn = snapshot.render.unit_scale, None
+    in_order = bool((np.diff(grouping.surface_instance) >= 0).all())
+    if normals is not None and (in_order or not exact):
+        drawn = render_normals(
+            surfaces if in_order else replace(surfaces, placement_id=_placements(surfaces)),
+            camera,
+            size_wh,
+            corner_normals=snapshot.corner_normal if normals == "shading" else None,
+            depth_scale=scale,
+            threads=threads,
+        )
+        buffers = drawn.buffers
+        if not in_order:
+            instance = np.append(grouping.surface_instance, NO_INSTANCE)[buffers.instance]
+            buffers = replace(buffers, instance=instance.astype(np.int32))
+    else:
+        buffers = render(surfaces, camera, size_wh, depth_scale=scale, threads=threads)
     area, extents = instance_extents(buffers.instance, len(grouping.instances))
     return View(
         snapshot=snapshot,
         size_wh=size_wh,
         projection=camera,
         surfaces=surfaces,
-        depth_scale=snapshot.render.unit_scale,
+        depth_scale=scale,
         buffers=buffers,
         area_px=area,
         bbox_xyxy_px=extents,
+        drawn_normals=drawn,
+        corner_normals=snapshot.corner_normal,
     )
+
+
+def _placements(surfaces: Surfaces) -> NDArray[np.int32]:
+    """A number for each placement in place of its instance; holdouts stay holdouts."""
+    ids = surfaces.placement_id
+    return np.where(ids == HOLDOUT, HOLDOUT, np.arange(len(ids))).astype(np.int32)
 
 
 def surfaces_through(

@@ -17,7 +17,7 @@ from visibility.kernel_scenes import (
 )
 
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
-from legoworld.visibility.normals import geometric_normals
+from legoworld.visibility.normals import render_normals
 from legoworld.visibility.triangles import triangles
 
 SIZE = (120, 90)
@@ -26,14 +26,14 @@ CAMERA = pixel_camera(SIZE)
 
 def test_a_frontal_wall_looks_at_the_camera_also_in_the_corners():
     wall = pixel_rectangle(CAMERA, 0, 0, 120, 90, 3.0)
-    seen = geometric_normals(place([wall]), CAMERA, SIZE)
+    seen = render_normals(place([wall]), CAMERA, SIZE)
     assert np.all(seen.normal_cam == np.array([0, 0, -1], np.float32))
     assert not np.signbit(seen.normal_cam[..., :2]).any()
 
 
 def test_a_floor_looks_up_and_holes_are_nan():
     corners = [(-50, 1.5, 0.05), (50, 1.5, 0.05), (50, 1.5, 90), (-50, 1.5, 90)]
-    seen = geometric_normals(place([mesh(corners, [(0, 1, 2), (0, 2, 3)])]), CAMERA, SIZE)
+    seen = render_normals(place([mesh(corners, [(0, 1, 2), (0, 2, 3)])]), CAMERA, SIZE)
     hit = seen.buffers.instance >= 0
     assert hit[60:].all()
     assert np.all(seen.normal_cam[hit] == np.array([0, -1, 0], np.float32))
@@ -44,7 +44,7 @@ def test_at_wide_angles_a_visible_face_may_look_forward():
     camera = pixel_camera(SIZE, fx=20.0, fy=20.0)  # rays up to 72 degrees to the side
     corners = [(4, -3, 2), (4, 3, 2), (3, 3, 1), (3, -3, 1)]
     leaning = mesh(corners, [(0, 1, 2), (0, 2, 3)])
-    seen = geometric_normals(place([leaning]), camera, SIZE)
+    seen = render_normals(place([leaning]), camera, SIZE)
     hit = seen.buffers.instance >= 0
     assert hit.sum() > 100
     expected = np.array([-1, 0, 1]) / np.sqrt(2)
@@ -54,7 +54,7 @@ def test_at_wide_angles_a_visible_face_may_look_forward():
 @pytest.mark.parametrize("seed", range(12))
 def test_normals_are_the_inverse_transposes_and_look_at_the_camera(seed):
     surfaces, camera, size_wh = jumble(seed)
-    seen = geometric_normals(surfaces, camera, size_wh)
+    seen = render_normals(surfaces, camera, size_wh)
     hits = triangles(surfaces, camera, size_wh)
     plain = render(surfaces, camera, size_wh)
     assert seen.buffers.instance.tobytes() == plain.instance.tobytes()
@@ -90,18 +90,18 @@ def assert_same_normals(one, other):
 @pytest.mark.parametrize("seed", range(3))
 def test_same_bytes_for_threads_and_instruction_sets(seed, monkeypatch):
     surfaces, camera, size_wh = jumble(seed)
-    first = geometric_normals(surfaces, camera, size_wh, threads=1)
+    first = render_normals(surfaces, camera, size_wh, threads=1)
     for threads in (2, 4):
-        assert_same_normals(geometric_normals(surfaces, camera, size_wh, threads=threads), first)
+        assert_same_normals(render_normals(surfaces, camera, size_wh, threads=threads), first)
     for level in LEVELS:
         monkeypatch.setenv(LEVEL_VARIABLE, level)
-        assert_same_normals(geometric_normals(surfaces, camera, size_wh, threads=2), first)
+        assert_same_normals(render_normals(surfaces, camera, size_wh, threads=2), first)
 
 
 def test_small_triangles_drawn_in_many_rounds():
     surfaces, size_wh = ball_pit(60), (200, 150)
     camera = pixel_camera(size_wh)
-    seen = geometric_normals(surfaces, camera, size_wh)
+    seen = render_normals(surfaces, camera, size_wh)
     hits = triangles(surfaces, camera, size_wh)
     shown = hits.triangle >= 0
     assert seen.buffers.depth_z_m.tobytes() == hits.buffers.depth_z_m.tobytes()
@@ -123,7 +123,7 @@ def test_the_share_flipped_counts_backs_and_a_mirror_turns_nothing():
     for name, shape in (("card", card), ("turned", turned)):
         for how, matrix in (("still", still), ("mirrored", mirror)):
             surfaces = place([shape], [(0, matrix, 0)])
-            shares[name, how] = geometric_normals(surfaces, CAMERA, SIZE).flipped_share
+            shares[name, how] = render_normals(surfaces, CAMERA, SIZE).flipped_share
     assert shares["card", "still"] == shares["card", "mirrored"]
     assert shares["turned", "still"] == shares["turned", "mirrored"]
     assert {shares["card", "still"], shares["turned", "still"]} == {0.0, 1.0}
@@ -131,6 +131,6 @@ def test_the_share_flipped_counts_backs_and_a_mirror_turns_nothing():
 
 def test_nothing_and_holdouts_have_no_normals():
     card = pixel_rectangle(CAMERA, 20, 10, 100, 50)
-    seen = geometric_normals(place([card], [(0, np.eye(4)[:3], HOLDOUT)]), CAMERA, SIZE)
+    seen = render_normals(place([card], [(0, np.eye(4)[:3], HOLDOUT)]), CAMERA, SIZE)
     assert np.isnan(seen.normal_cam).all()
     assert np.isnan(seen.flipped_share)

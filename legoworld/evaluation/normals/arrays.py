@@ -31,7 +31,7 @@ TOWARDS: Final = NORMALS_FILE.labels["sign"]
 SIGNS: Final = (TOWARDS, "away_from_camera")
 VALUES: Final = "values"
 _SUFFIXES: Final = (".npz", ".npy", ".png")
-_LABELS: Final = ("sign", "kind", "format_version")
+_LABELS: Final = ("sign", "format_version")
 _SHORTEST: Final = 0.5
 
 
