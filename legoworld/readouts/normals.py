@@ -25,8 +25,9 @@ NORMALS_FILE: Final = PixelFile(
 
 def _write(row: RunRow, image: AnsweredImage) -> RunRow:
     name = NORMALS_FILE.path(image.name)
-    path, normals = image.run / name, image.view.normals(
-        image.normals or "geometric", threads=image.threads
+    path, normals = (
+        image.run / name,
+        image.view.normals(image.normals or "geometric", threads=image.threads),
     )
     NORMALS_FILE.write(path, normals.normal_cam, {"variant": np.array(normals.variant)})
     share = normals.flipped_share

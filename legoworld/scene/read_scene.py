@@ -78,16 +78,15 @@ def read_scene(
 ) -> ReadScene:
     """The snapshot of a scene whose files were hashed by `checked_artefacts`.
 
-    corner_normals: whether it has them. Raises the typed verdicts of `errors`: missing, invalid, changed, failed or timeout.
+    corner_normals: whether it has them. Raises the typed verdicts of `errors`: missing, invalid,
+    changed, failed or timeout.
     """
     name = BLEND if source == "blend" else GLB
     hashed = files.artefacts.get(name)
     if hashed is None:
         raise _missing_error(name, files)
     if cache is not None:
-        stored = _load_cached(
-            scene, name, hashed, cache, files, corner_normals=corner_normals
-        )
+        stored = _load_cached(scene, name, hashed, cache, files, corner_normals=corner_normals)
         if stored is not None:
             return stored
     if source == "blend":
@@ -136,9 +135,7 @@ def _load_cached(
         return None
     known = hashed_dependencies(scene, names, files, read_by=name)
     try:
-        path = cache.snapshot_path(
-            hashed.sha256, known.dependencies, corner_normals=corner_normals
-        )
+        path = cache.snapshot_path(hashed.sha256, known.dependencies, corner_normals=corner_normals)
         snapshot, content = load(path)
     except SceneInvalidError:
         return None

@@ -93,9 +93,7 @@ def triangle_materials(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     return of_triangle
 
 
-def corner_normals(
-    mesh: bpy.types.Mesh, corners: NDArray[np.int32]
-) -> NDArray[np.float32] | None:
+def corner_normals(mesh: bpy.types.Mesh, corners: NDArray[np.int32]) -> NDArray[np.float32] | None:
     """(T, 3, 3) float32 normals at triangles' corners, as Cycles shades them; None: all are flat.
 
     Custom normals and sharp edges are in them. Faces that are not smooth have 0: Cycles gives them
