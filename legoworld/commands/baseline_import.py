@@ -47,12 +47,7 @@ if TYPE_CHECKING:
     "Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, sun_rgbd "
     "or nyu_raw.",
 )
-@option(
-    "--sign",
-    "Normals: which way they point, where the files do not say; a frontal wall is (0, 0, -1) "
-    "towards the camera.",
-    Choice(["towards_camera", "away_from_camera"]),
-)
+@option("--sign")
 @option("--array", "Depth, normals: name of the array in an .npz or the channel in an .exr.")
 @option(
     "--suffix",

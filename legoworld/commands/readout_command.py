@@ -17,6 +17,7 @@ from legoworld.commands.param_types import (
     EXISTING,
     EXISTING_PLACE,
     PLACE,
+    Choice,
     ShardType,
     TaskChoice,
 )
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 @option(
     "--variant",
     "Normals: of the triangle's plane, or interpolated as the scene is shaded.",
-    click.Choice(["geometric", "shading"]),
+    Choice(["geometric", "shading"]),
 )
 @option("--no-render", "Bench only: R without A, no Cycles render.")
 @flag("--render-noise", "Bench only: render a second seed and compare.")

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
 )
 @option("--space", "What the depth files hold, with --photos; written to their depth.toml.")
 @option("--unit", "m, mm, m/N, sun_rgbd or nyu_raw, with --photos; written to their depth.toml.")
+@option("--sign")
 @option("--overwrite", "Replace an existing track file.")
 @options.printing
 def make_command(
@@ -72,7 +73,8 @@ def make_command(
     published reference are not known: a sample is your own, and the track records its seed and
     source. Depth: ETH3D's scenes that are present, another dataset in ETH3D's layout, or, with
     --photos, a folder of .npy, .npz, .pfm, .exr, .png, .pgm or .tiff files named like the photos.
-    Normals: with --photos, a folder of .npy, .npz or .png files whose normals.toml states the sign.
+    Normals: with --photos, a folder of .npy, .npz, .exr or .png files, named like the photos or
+    X_normal beside X_img or X; --sign or their normals.toml says which way they point.
     Relations: a run of scenes, or with --photos the .jsonl of statements about them, as VSR has it;
     the track carries the questions.
 
@@ -94,9 +96,8 @@ def make_command(
         raise click.UsageError("--any is for several --task")
     chosen = _lines(images) if images is not None else None
     takers = _takers(task, named)
-    if named["photos"] is not None:
-        for one in takers:
-            _declare(truths[task.index(one)], named["space"], named["unit"], out)
+    for one in takers if named["photos"] is not None else ():
+        _declare(one, truths[task.index(one)], named, out)
     made = _make(
         dict(zip(task, truths, strict=True)),
         output,
@@ -132,21 +133,24 @@ def _takers(tasks: Sequence[str], given: Mapping[str, object]) -> list[str]:
     for name in names:
         if not any(name in load_track_family(task).options for task in tasks):
             raise click.UsageError(f"track make: --{name} is not for --task {', '.join(tasks)}")
-        if name in ("space", "unit") and given["photos"] is None:
-            raise click.UsageError(f"track make: --{name} is for depth files, with --photos")
+        declared = any(name in load_track_family(task).declared for task in tasks)
+        if declared and given["photos"] is None:
+            raise click.UsageError(f"track make: --{name} is for a folder's files, with --photos")
     return [
         task for task in tasks if any(name in load_track_family(task).options for name in names)
     ]
 
 
-def _declare(truth: Path, space: str | None, unit: str | None, out: Output) -> None:
-    from legoworld.evaluation.depth.integer_units import UNITS, is_unit
-    from legoworld.track_making.depth import declare
+def _declare(task: str, truth: Path, named: Mapping[str, Any], out: Output) -> None:
+    from legoworld.track_making.family import load_track_family
 
-    if unit is not None and not is_unit(unit) and unit != "px":
-        raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
-    if truth.is_dir() and (written := declare(truth, space, unit)):
-        out.notice(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
+    family = load_track_family(task)
+    if family.declare is None or not truth.is_dir():
+        return
+    written = family.declare(truth, {name: named[name] for name in sorted(family.declared)})
+    if written is not None:
+        name, text = written
+        out.notice(f"{truth.name}/{name} now says: {' '.join(text.split())}")
 
 
 def _own_options(given: Mapping[str, Any]) -> dict[str, Any]:

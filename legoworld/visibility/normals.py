@@ -25,9 +25,9 @@ class Normals:
     z forward), NaN where nothing is shown. They point towards the camera: n . ray <= 0 with the
     pixel's own ray, so a frontal wall has (0, 0, -1), and n_z may be positive at wide angles. A
     shading normal is on the same side of its triangle as the geometric one.
-    variant: what they are. flipped_share: of the pixels with a normal, the share whose triangle shows its back; NaN
-    without any. The front is the side from which the corners run anticlockwise in the mesh's own
-    frame: a mirrored placement does not turn it.
+    variant: what they are. flipped_share: of the pixels with a normal, the share whose triangle
+    shows its back; NaN without any. The front is the side from which the corners run anticlockwise
+    in the mesh's own frame: a mirrored placement does not turn it.
     """
 
     buffers: Buffers

@@ -40,7 +40,8 @@ def test_a_wall_that_is_turned_and_the_wall_behind_it(tmp_path):
     near = drawn(snapshot).buffers.instance == 0
     with np.load(tmp_path / row.normals.file) as arrays:
         found = arrays["normal_cam"]
-        assert {k: str(arrays[k]) for k in ("sign", "kind")} == NORMALS_FILE.labels
+        assert {k: str(arrays[k]) for k in ("sign",)} == NORMALS_FILE.labels
+        assert str(arrays["variant"]) == "geometric"
         assert (found.dtype, found.shape) == (np.float32, (48, 64, 3))
     # The camera looks along -z with y up: its own z is the world's -z, its x the world's x.
     assert found[near] == pytest.approx(

@@ -1,4 +1,4 @@
-"""Geometric normals, towards the camera by each pixel's own ray."""
+"""Normals, towards the camera by each pixel's own ray: of faces, and interpolated."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from visibility.kernel_scenes import (
     place,
 )
 
+from legoworld.errors import ShapeError
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
 from legoworld.visibility.normals import render_normals
 from legoworld.visibility.triangles import triangles
@@ -134,3 +135,81 @@ def test_nothing_and_holdouts_have_no_normals():
     seen = render_normals(place([card], [(0, np.eye(4)[:3], HOLDOUT)]), CAMERA, SIZE)
     assert np.isnan(seen.normal_cam).all()
     assert np.isnan(seen.flipped_share)
+
+
+def corner_normals(surfaces, seed=0):
+    """Of every triangle: its own plus noise, of any length; a third of them are flat."""
+    noise = np.random.default_rng(seed)
+    normals = np.empty((len(surfaces.triangles), 3, 3), np.float32)
+    for m, start in enumerate(surfaces.triangle_start[:-1]):
+        index = surfaces.triangles[start : surfaces.triangle_start[m + 1]]
+        a, b, c = np.moveaxis(surfaces.vertices[surfaces.vertex_start[m] + index], 1, 0)
+        face = np.cross(b - a, c - a)
+        face /= np.linalg.norm(face, axis=-1, keepdims=True) + 1e-30
+        normals[start : start + len(index)] = face[:, None] + noise.normal(
+            0, 0.4, (len(index), 3, 3)
+        )
+    normals *= noise.uniform(0.1, 5, (len(normals), 3, 1))
+    normals[noise.random(len(normals)) < 0.3, 1] = 0
+    return np.ascontiguousarray(normals, np.float32)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shading_normals_are_those_of_the_corners_interpolated(seed):
+    """Placements of a jumble are turned, sheared and mirrored; numpy knows them by the inverse."""
+    surfaces, camera, size_wh = jumble(seed)
+    corners = corner_normals(surfaces, seed)
+    flat = render_normals(surfaces, camera, size_wh)
+    seen = render_normals(surfaces, camera, size_wh, corner_normals=corners)
+    hits = triangles(surfaces, camera, size_wh, barycentric=True)
+    assert seen.buffers.depth_z_m.tobytes() == flat.buffers.depth_z_m.tobytes()
+    assert (seen.variant, flat.variant) == ("shading", "geometric")
+    assert seen.flipped_share == flat.flipped_share
+    smooth = 0
+    for row, column in np.argwhere(hits.triangle >= 0):
+        placement = hits.placement[row, column]
+        start = surfaces.triangle_start[surfaces.placement_mesh[placement]]
+        own = corners[start + hits.triangle[row, column]].astype(float)
+        face = flat.normal_cam[row, column].astype(float)
+        found = seen.normal_cam[row, column]
+        if not own[1].any():
+            assert found.tobytes() == flat.normal_cam[row, column].tobytes()
+            continue
+        smooth += 1
+        inverse = np.linalg.inv(surfaces.cam_from_mesh[placement][:, :3])
+        moved = own @ inverse
+        moved /= np.linalg.norm(moved, axis=-1, keepdims=True)
+        w1, w2 = hits.barycentric[row, column].astype(float)
+        # Two that differ by the determinant's sign: the face says which it is.
+        expected = (1 - w1 - w2) * moved[0] + w1 * moved[1] + w2 * moved[2]
+        expected *= np.sign(expected @ face) / np.linalg.norm(expected)
+        assert found @ face >= 0
+        np.testing.assert_allclose(found, expected, atol=2e-6)
+    assert smooth > 300
+
+
+@pytest.mark.parametrize("broken", [0.0, np.nan, np.inf])
+def test_without_normals_at_a_corner_both_variants_are_the_same_bits(broken):
+    surfaces, camera, size_wh = jumble(1)
+    corners = corner_normals(surfaces)
+    corners[:, 2] = broken
+    seen = render_normals(surfaces, camera, size_wh, corner_normals=corners)
+    assert_same_normals(seen, render_normals(surfaces, camera, size_wh))
+
+
+def test_shading_normals_have_the_same_bytes_for_threads_and_instruction_sets(monkeypatch):
+    surfaces, camera, size_wh = jumble(2)
+    corners = corner_normals(surfaces)
+    first = render_normals(surfaces, camera, size_wh, corner_normals=corners, threads=1)
+    for level in LEVELS:
+        monkeypatch.setenv(LEVEL_VARIABLE, level)
+        again = render_normals(surfaces, camera, size_wh, corner_normals=corners, threads=3)
+        assert_same_normals(again, first)
+
+
+def test_corner_normals_of_another_shape_or_type_are_refused():
+    surfaces, camera, size_wh = jumble(0)
+    good = corner_normals(surfaces)
+    for bad in (good[1:], good.astype(np.float64), good[..., ::-1], good[:, 0]):
+        with pytest.raises(ShapeError, match="corner_normals"):
+            render_normals(surfaces, camera, size_wh, corner_normals=bad)

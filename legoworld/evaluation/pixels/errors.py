@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
@@ -27,7 +27,7 @@ def pixel_errors(noun: str, module: str) -> PixelErrors:
 
     module: the one that holds them under these names, by which they cross processes.
     """
-    attributes = {
+    attributes: dict[str, dict[str, Any]] = {
         "truth": {},
         "prediction": {"status": "invalid"},
         "missing": {"status": "missing"},

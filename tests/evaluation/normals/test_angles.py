@@ -80,8 +80,8 @@ def test_pooled_images_are_one_image_of_all_pixels(holes):
 def test_the_pooled_median_is_exact_in_any_order(values, holes, seed):
     errors = np.array(values)
     parts = np.split(errors, np.sort(np.random.default_rng(seed).integers(0, len(errors), 2)))
-    medians = pooled_metrics([part for part in parts], holes)["median_deg"]
-    assert medians == pooled_metrics([part for part in parts], holes, order=-1)["median_deg"]
+    medians = pooled_metrics(parts, holes)["median_deg"]
+    assert medians == pooled_metrics(parts, holes, order=-1)["median_deg"]
     assert medians["exclude"] == np.median(errors)
     assert medians["error_90"] == np.median(np.concatenate([errors, np.full(holes, 90.0)]))
 
