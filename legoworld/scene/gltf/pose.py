@@ -39,7 +39,7 @@ def morphed(
             continue
         stored = accessors.read(target.index(name, len(accessors)))
         if stored.values.shape != values.shape:
-            raise unreadable(f"{target.at(name)} has another shape than the mesh's {name}")
+            raise unreadable(f"{target.at(name)} has another shape than the positions")
         with np.errstate(all="ignore"):
             values = values + np.float32(weight) * as_float32(stored)
     return values
