@@ -41,7 +41,11 @@ if TYPE_CHECKING:
     EXISTING_FILE,
 )
 @flag("--subset", "Ignore results of images, or answers to questions, outside the track.")
-@option("--space", "Depth: quantity in the arrays, where the files do not say.")
+@option(
+    "--space",
+    "Depth: quantity in the arrays, where the files do not say. Normals: the arrays are depth, to "
+    "which normals are fitted.",
+)
 @option(
     "--unit",
     "Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, sun_rgbd "
@@ -55,7 +59,8 @@ if TYPE_CHECKING:
 )
 @option(
     "--intrinsics",
-    "Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth.",
+    "Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth, and "
+    "depth to normals.",
     EXISTING_FILE,
 )
 @option("--overwrite", "Replace an existing import in the folder.")
@@ -88,6 +93,8 @@ def import_command(
           --unit m --intrinsics camera.json -o runs/depths
       legoworld baseline import dsine --task normals --track track.json \\
           --sign away_from_camera -o runs/dsine
+      legoworld baseline import runs/da3/depth --task normals --track track.json \\
+          --space depth --intrinsics camera.json -o runs/da3-normals
       legoworld baseline import answers.jsonl --task relations --track track.json -o runs/vlm
     """
     from legoworld.baselines.baseline_import import ImportRequest
@@ -101,7 +108,7 @@ def import_command(
     for key in given:
         if key not in family.options or (key == "box_format" and reads != "boxes"):
             raise click.UsageError(f"--{key.replace('_', '-')} is not for --task {task}")
-    _check_depth(given)
+    _check_depth(given, reads)
     if source.is_dir() != family.of_folder:
         raise click.UsageError(_not_of_the_task(source, task, family))
     request = ImportRequest(
@@ -119,7 +126,7 @@ def import_command(
     return baseline_output.show(result, output, out)
 
 
-def _check_depth(given: Mapping[str, object]) -> None:
+def _check_depth(given: Mapping[str, object], reads: str) -> None:
     """click.UsageError for what is declared about depth arrays and cannot hold together."""
     from legoworld.evaluation.depth.integer_units import UNITS, is_unit
 
@@ -128,7 +135,7 @@ def _check_depth(given: Mapping[str, object]) -> None:
         raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
     if space == "disparity" and unit:
         raise click.UsageError("--unit is for depth: disparity has an unknown scale and shift")
-    if space in ("depth", "disparity") and "intrinsics" in given:
+    if space in ("depth", "disparity") and "intrinsics" in given and reads == "depth":
         raise click.UsageError(f"--intrinsics is for ray distance, not for --space {space}")
 
 
