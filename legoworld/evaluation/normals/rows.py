@@ -7,11 +7,14 @@ from typing import Final
 from msgspec.structs import asdict, replace
 
 from legoworld.evaluation.normals.angles import angular_errors, image_metrics, summed
-from legoworld.evaluation.normals.arrays import SIGNS
+from legoworld.evaluation.normals.arrays import SIGNS, unit_vectors, valid_normals
 from legoworld.evaluation.normals.errors import NormalsPredictionError
-from legoworld.evaluation.pixels.family import ImageResult, Measuring
-from legoworld.evaluation.pixels.resampling import sampler
+from legoworld.evaluation.pixels.family import ImageResult, Measuring, PixelTruth
+from legoworld.evaluation.pixels.resampling import Sample, sampler
 from legoworld.evaluation.pixels.rows import too_few, with_holes
+from legoworld.evaluation.pixels.view import encoded, shown_pixels
+from legoworld.readouts.normals import NORMALS_FILE
+from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.normals import NormalsRow, ScoredNormalsRow
 
 #: Mean error from which the array turned around has one below 45 degrees.
@@ -41,4 +44,16 @@ def measure_normals(image: Measuring) -> ImageResult:
         errors=sums,
         metrics=image_metrics(errors, sums, row.n_valid - sums.n),
     )
-    return ImageResult(row=scored)
+    return ImageResult(row=scored, view=_view(image.truth, sample))
+
+
+def _view(truth: PixelTruth, sample: Sample) -> NormalsView:
+    """A small view of the truth and of the prediction."""
+    shown = shown_pixels(truth.values, valid_normals)
+    true, sampled = truth.values[shown.rows, shown.cols], sample(shown.rows, shown.cols)
+    return NormalsView(
+        size_wh=shown.size_wh,
+        image_wh=truth.size_wh,
+        truth=encoded(unit_vectors(true), valid_normals(true), NORMALS_FILE.hole),
+        predicted=encoded(unit_vectors(sampled.values), sampled.predicted, NORMALS_FILE.hole),
+    )
