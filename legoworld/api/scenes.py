@@ -37,6 +37,7 @@ from legoworld.tables.table import Table
 from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.track import Track
 from legoworld.visibility.layers import AmodalLayers, amodal_areas, amodal_layers, occluders
+from legoworld.visibility.normals import Variant
 from legoworld.visibility.projection import Projection
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class SceneOptions(TypedDict, total=False):
     cache: Cache
     require_frozen: bool
     allow_changed: bool
+    shading: bool
     time_limit_s: float
     memory_limit_gib: float
 
@@ -64,6 +66,7 @@ def open_scene(
     cache: Cache = True,
     require_frozen: bool = False,
     allow_changed: bool = False,
+    shading: bool = False,
     time_limit_s: float = TIME_LIMIT_S,
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
 ) -> Scene:
@@ -71,7 +74,8 @@ def open_scene(
 
     source: the file to read. cache: the snapshot cache folder, True for the user's own, False for
     none. require_frozen: refuse a scene without frozen.json. allow_changed: accept a scene whose
-    files changed since it was frozen, with a warning. The limits apply to the Blender process.
+    files changed since it was frozen, with a warning. shading: also read what shading normals are
+    made of. The limits apply to the Blender process.
 
     Raises a LegoWorldError if the scene cannot be read: SceneMissingError, SceneInvalidError (and
     its subclasses), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
@@ -85,6 +89,7 @@ def open_scene(
             cache=snapshot_cache(cache),
             require_frozen=require_frozen,
             allow_changed=allow_changed,
+            corner_normals=shading,
         )
     return Scene(opened)
 
@@ -186,13 +191,21 @@ class SceneView:
         return self._inspection.view.buffers.depth_z_m
 
     @check_arguments
-    def normals(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32: unit normals of the triangles shown, NaN for no hit.
+    def normals(self, variant: Variant = "geometric") -> NDArray[np.float32]:
+        """(H, W, 3) float32: unit normals of the surfaces shown, NaN for no hit.
 
         In the OpenCV camera frame (x right, y down, z forward) and towards the camera: a frontal
-        wall has (0, 0, -1). Each call draws them.
+        wall has (0, 0, -1). variant: "geometric", of the triangles' planes, or "shading",
+        interpolated between their corners. Each call draws them. UsageError for shading normals of
+        a scene that was opened without them.
         """
-        return self._inspection.view.normals().normal_cam
+        view = self._inspection.view
+        if variant == "shading" and view.corner_normals is None:
+            raise UsageError(
+                "the scene was opened without shading normals",
+                expected="open_scene(folder, shading=True)",
+            )
+        return view.normals(variant).normal_cam
 
     @property
     def projection(self) -> Projection:

@@ -70,13 +70,22 @@ def open_scene(
     cache: SnapshotCache | None,
     require_frozen: bool = False,
     allow_changed: bool = False,
+    corner_normals: bool = False,
 ) -> OpenScene:
     """Read one scene; raises its error.
 
-    allow_changed: accept a scene that changed since it was frozen, with a warning.
+    allow_changed: accept a scene that changed since it was frozen, with a warning. corner_normals:
+    whether its snapshot has them.
     """
     files, changed = _files(folder, require_frozen=require_frozen, allow_changed=allow_changed)
-    scene = read_scene(folder, source=source, blender=blender, cache=cache, files=files)
+    scene = read_scene(
+        folder,
+        source=source,
+        blender=blender,
+        cache=cache,
+        files=files,
+        corner_normals=corner_normals,
+    )
     return OpenScene(folder=folder, scene=scene, warnings=tuple(changed))
 
 
