@@ -55,7 +55,7 @@ def _declare(folder: Path, given: Mapping[str, str | None]) -> tuple[str, str] |
     unit = given["unit"]
     if unit is not None and not is_unit(unit) and unit != "px":
         raise UsageError(f"--unit {unit!r} is not one of {UNITS}")
-    text = declare(folder / DECLARATION, read_declaration(folder), given)
+    text = declare(folder / DECLARATION, vars(read_declaration(folder)), given)
     return (DECLARATION, text) if text else None
 
 

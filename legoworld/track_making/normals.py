@@ -38,7 +38,7 @@ def normals_source(task: str, folder: Path, options: Mapping[str, Any]) -> Sourc
 
 
 def _declare(folder: Path, given: Mapping[str, str | None]) -> tuple[str, str] | None:
-    text = declare(folder / DECLARATION, read_declaration(folder), given)
+    text = declare(folder / DECLARATION, vars(read_declaration(folder)), given)
     return (DECLARATION, text) if text else None
 
 

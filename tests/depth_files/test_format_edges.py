@@ -288,9 +288,9 @@ def test_what_a_declaration_may_say(tmp_path: Path, line: str, fits: bool) -> No
 
 def test_a_declaration_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / DECLARATION
-    assert declare(path, Declaration(), {"space": None, "unit": None}) is None
+    assert declare(path, vars(Declaration()), {"space": None, "unit": None}) is None
     assert not path.exists()
     for declared in (Declaration(space="disparity"), IN_METRES):
         path.unlink(missing_ok=True)
-        declare(path, Declaration(), {"space": declared.space, "unit": declared.unit})
+        declare(path, vars(Declaration()), {"space": declared.space, "unit": declared.unit})
         assert read_declaration(tmp_path) == declared

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from msgspec.structs import asdict
+
 from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.protocol import METRICS
 from legoworld.evaluation.pixels.family import Settings
 from legoworld.evaluation.pixels.summary import mean, means
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.depth import DepthCoverage, DepthRow, PartOfEth3d, ScoredDepthRow
+from legoworld.records.evaluation_summary import Coverage
 
 
 def own_fields(
@@ -25,9 +28,9 @@ def own_fields(
     }
 
 
-def depth_coverage(rows: Sequence[DepthRow], fields: Mapping[str, Any]) -> DepthCoverage:
-    """How many images were scored, and of ETH3D how many there are."""
-    return DepthCoverage(**fields, eth3d=_part_of_eth3d(rows))
+def depth_coverage(rows: Sequence[DepthRow], coverage: Coverage) -> DepthCoverage:
+    """With how many images of ETH3D there are."""
+    return DepthCoverage(**asdict(coverage), eth3d=_part_of_eth3d(rows))
 
 
 def _part_of_eth3d(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:

@@ -56,7 +56,7 @@ def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
         )
         for row in part.rows
     ]
-    rows += attempted_rows(summary.all_attempted, "abs_rel")
+    rows += attempted_rows(summary, "abs_rel")
     note = (
         "Every depth is aligned by one scale and one shift in disparity before it is scored. Holes "
         "are pixels with measured depth and no prediction: error_1 (primary) counts each as an "

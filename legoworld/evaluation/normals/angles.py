@@ -68,7 +68,8 @@ def summed(errors_deg: F64) -> AngularErrors:
 
 def bins_of(errors_deg: F64) -> NDArray[np.int64]:
     """Errors rounded to hundredths of a degree."""
-    return np.rint(errors_deg * PER_DEGREE).astype(np.int64)
+    bins: NDArray[np.int64] = np.rint(errors_deg * PER_DEGREE).astype(np.int64)
+    return bins
 
 
 def image_metrics(errors_deg: F64, sums: AngularErrors, holes: int) -> Metrics:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ def own_fields(
 ) -> Mapping[str, Any]:
     """The fields of a summary that only normals have."""
     return {
-        "pooled": _pooled(scored, settings.options["medians"]),
+        "pooled": _pooled(scored, cast("Mapping[str, float]", settings.options["medians"])),
         "pooled_px": sum(row.n_valid for row in scored),
         "predicted_px": sum(row.errors.n for row in scored),
     }

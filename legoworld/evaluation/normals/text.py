@@ -46,7 +46,7 @@ def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
         MetricPart(title="All pixels pooled", rows=pooled, note=note),
         MetricPart(
             title="Means over images",
-            rows=[*means.rows, *attempted_rows(summary.all_attempted, ANGLES[0])],
+            rows=[*means.rows, *attempted_rows(summary, ANGLES[0])],
             note="",
         ),
     ]

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.files import Json, utf8_text, write_text
-
-D = TypeVar("D")
 
 
 def read_declared(
@@ -47,20 +44,20 @@ def is_text(value: Json) -> bool:
     return isinstance(value, str)
 
 
-def declare(path: Path, there: Any, given: Mapping[str, str | None]) -> str | None:
+def declare(path: Path, there: Mapping[str, Json], given: Mapping[str, str | None]) -> str | None:
     """Write what is given into a folder's file, unless there is one; None where it says it already.
 
-    there: what it declares, a frozen dataclass. UsageError where that is something else.
+    there: what it declares. UsageError where that is something else.
     """
     stated = {key: value for key, value in given.items() if value is not None}
-    wanted = replace(there, **stated)
+    wanted = {**there, **stated}
     if wanted == there:
         return None
     if path.exists():
         raise UsageError(
             f"{path.name} declares {path.parent.name} differently",
-            found=", ".join(f"{key} {getattr(there, key)!r}" for key in given),
-            expected=", ".join(f"{key} {getattr(wanted, key)!r}" for key in given)
+            found=", ".join(f"{key} {there[key]!r}" for key in given),
+            expected=", ".join(f"{key} {wanted[key]!r}" for key in given)
             + ", as on the command line",
             next_step=f"correct {path.name}, or omit {' and '.join(f'--{key}' for key in given)}",
         )

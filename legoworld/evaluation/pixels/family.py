@@ -14,6 +14,7 @@ from legoworld.cards import Card
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.pixels.errors import PixelErrors
 from legoworld.evaluation.pixels.protocol import PixelProtocol
+from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.comparison import Better
 from legoworld.records.evaluation_summary import Coverage
@@ -29,7 +30,7 @@ F64 = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 #: The parameters that only some families take, such as a camera model.
-Options = Mapping[str, Any]
+Options = Mapping[str, Json]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,16 +146,16 @@ class Measuring:
     options: Options
 
 
-def _coverage(_rows: Sequence[Any], fields: Mapping[str, Any]) -> Coverage:
-    """The usual fields alone."""
-    return Coverage(**fields)
+def _usual(_rows: Sequence[PixelRow], coverage: Coverage) -> Coverage:
+    """No more than every family says."""
+    return coverage
 
 
 @dataclass(frozen=True, kw_only=True)
 class PixelRecords:
     """The types of a family's files. choices, attempted: of parts of its summary.
 
-    coverage: of every attempted row, from its usual fields.
+    coverage: of every attempted row, from the usual one.
     """
 
     summary: Callable[..., PixelSummary]
@@ -162,7 +163,7 @@ class PixelRecords:
     attempted: Callable[..., Any]
     configuration: Callable[..., ScoreConfiguration]
     evidence: type[EvaluationEvidence]
-    coverage: Callable[[Sequence[Any], Mapping[str, Any]], Coverage] = _coverage
+    coverage: Callable[[Sequence[Any], Coverage], Coverage] = _usual
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +180,7 @@ class SecondReading:
     recall: Callable[[Any], Options]
 
 
-def _fits(_run: PixelRun, _files: Sequence[Any], _options: Options) -> None:
+def _fits(_run: PixelRun, _files: Sequence[TruthFile], _options: Options) -> None:
     """Every option fits to every run and truth."""
 
 

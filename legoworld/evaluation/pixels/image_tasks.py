@@ -6,13 +6,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.pixels.family import ImageResult, Options, PixelFamily, TruthFile
 from legoworld.evaluation.pixels.predictions import PixelImage, PixelRun
 from legoworld.evaluation.pixels.rows import loaded, measuring, score_row, truth_row
 from legoworld.workers.tasks import WorkerPool, map_items
+
+Q = TypeVar("Q")
 
 #: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
@@ -52,7 +54,7 @@ def scored_images(tasks: Sequence[ImageTask], pool: WorkerPool) -> Iterator[Imag
     return map_items(score_task, tasks, _worth(pool, tasks))
 
 
-def answers_of(tasks: Sequence[ImageTask], question: Any, pool: WorkerPool) -> Iterator[Any]:
+def answers_of(tasks: Sequence[ImageTask], question: Q, pool: WorkerPool) -> Iterator[Any]:
     """What each scored image's arrays say to the family's second question, in that order."""
     return map_items(partial(_answer, question), tasks, _worth(pool, tasks))
 
@@ -71,7 +73,7 @@ def score_task(task: ImageTask) -> ImageResult:
     return score_row(task.image, task.file, task.family, task.task, task.options)
 
 
-def _answer(question: Any, task: ImageTask) -> Any:
+def _answer(question: Q, task: ImageTask) -> Any:
     _refuse_unseen(task)
     assert task.family.again is not None
     truth = loaded(task.file, task.family)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from legoworld.cards import Card
+from legoworld.files import Json
 from legoworld.records.evaluation_summary import Evaluator
 
 #: What every family's code implements.
@@ -46,7 +47,7 @@ class PixelProtocol:
 
 
 def pixel_protocol(
-    card: Card, *, fixed: Mapping[str, Any], declared: Sequence[str]
+    card: Card, *, fixed: Mapping[str, Json], declared: Sequence[str]
 ) -> PixelProtocol:
     """A card's protocol; InstallationError if a fixed value differs from the code's."""
     card.hold_to({**_FIXED, **fixed})

@@ -17,14 +17,14 @@ from legoworld.evaluation.pixels.family import (
     metric_policies,
 )
 from legoworld.evaluation.pixels.protocol import PixelProtocol
-from legoworld.records.base import to_record
-from legoworld.records.evaluation_summary import Interval, NotScored
+from legoworld.records.base import UNSET, to_record
+from legoworld.records.evaluation_summary import Coverage, Interval, NotScored
 from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow
 
 
 def summarise(
     family: PixelFamily,
-    rows: Sequence[Any],
+    rows: Sequence[PixelRow],
     *,
     kind: str,
     partial: bool,
@@ -43,13 +43,13 @@ def summarise(
         evaluator=protocol.evaluator,
         protocol=to_record(records.choices, protocol.choices | options),
         coverage=records.coverage(rows, _covered(rows)),
-        metrics=means([row.scores for row in scored], family.metrics),
+        metrics=means([row.scores for row in scored if row.scores], family.metrics),
         intervals=intervals,
         bootstrap=bootstrap,
         all_attempted=records.attempted(
             **_attempted(rows, family.metrics[0], family.missing(protocol))
         ),
-        mean_hole_share=mean([row.hole_share for row in scored]),
+        mean_hole_share=mean([row.hole_share for row in scored if row.hole_share is not UNSET]),
         resampled=sum(bool(row.resampled) for row in scored),
         not_scored=tuple(
             NotScored(
@@ -66,14 +66,14 @@ def summarise(
     )
 
 
-def _covered(rows: Sequence[PixelRow]) -> dict[str, Any]:
-    """The fields of every coverage: images by outcome."""
-    return {
-        "attempted": len(rows),
-        "scored": sum(row.has_score for row in rows),
-        "with_truth": sum(row.has_truth for row in rows),
-        "by_status": dict(sorted(Counter(row.status for row in rows).items())),
-    }
+def _covered(rows: Sequence[PixelRow]) -> Coverage:
+    """Images by outcome."""
+    return Coverage(
+        attempted=len(rows),
+        scored=sum(row.has_score for row in rows),
+        with_truth=sum(row.has_truth for row in rows),
+        by_status=dict(sorted(Counter(row.status for row in rows).items())),
+    )
 
 
 def _attempted(rows: Sequence[PixelRow], metric: PixelMetric, given: float) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 from legoworld.evaluation.metrics import MetricRow, number
 from legoworld.evaluation.short_text import first_few
@@ -20,8 +20,9 @@ def few_not_scored(summary: PixelSummary) -> list[str]:
     return first_few(not_scored(summary), "image without a score", "images without a score")
 
 
-def attempted_rows(every: Any, metric: str) -> list[MetricRow]:
-    """A metric over every image with truth. every: that part of a summary."""
+def attempted_rows(summary: PixelSummary, metric: str) -> list[MetricRow]:
+    """A metric over every image with truth."""
+    every = cast("Any", summary).all_attempted
     images = plural(every.images, "image", "images")
     given = getattr(every, f"missing_{metric}")
     over = f"{images} with truth, {every.missing} of them without a score at {given:g}"

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
@@ -19,6 +19,7 @@ from legoworld.evaluation.pixels.rows import score_row
 from legoworld.evaluation.pixels.summary import summarise
 from legoworld.records.base import as_json
 from legoworld.records.folders.read_evaluation import SUMMARY
+from legoworld.records.pixels import PixelRow
 from legoworld.records.run_rows import RunImage
 
 #: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
@@ -33,7 +34,7 @@ def verify_pixels(family: PixelFamily, recorded: RecordedEvaluation) -> Iterator
     bootstrap = summary.bootstrap
     again = summarise(
         family,
-        recorded.rows,
+        cast("Sequence[PixelRow]", recorded.rows),
         kind=str(summary.kind),
         partial=summary.partial,
         protocol=family.protocol(load_card(summary.task)),

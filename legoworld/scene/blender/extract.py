@@ -89,8 +89,9 @@ def _assemble(
 
 
 def _normals_of(mesh: CopiedMesh) -> NDArray[np.float32]:
-    flat = mesh.corner_normal is None
-    return np.zeros((len(mesh.triangles), 3, 3), np.float32) if flat else mesh.corner_normal
+    if mesh.corner_normal is None:
+        return np.zeros((len(mesh.triangles), 3, 3), np.float32)
+    return mesh.corner_normal
 
 
 def _cutouts(alphas: AlphaTable, meshes: list[CopiedMesh]) -> dict[str, Any]:
