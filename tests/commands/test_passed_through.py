@@ -24,7 +24,7 @@ CALLS: Final[list[tuple[str, Any, type]]] = [
     ("plugin serve", serve.serve_plugin, serve.PluginServing),
 ]
 #: What the command line does not offer, and what it gives instead of the default.
-NOT_OFFERED: Final = {"require_frozen"}
+NOT_OFFERED: Final = {"require_frozen", "shading"}
 OF_THE_COMMAND: Final = {"listener", "started", "cache", "ledger", "address", "limits"}
 
 
