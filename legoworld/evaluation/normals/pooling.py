@@ -15,12 +15,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.normals.angles import (
-    PER_DEGREE,
-    angular_errors,
-    bins_of,
-    metrics_of,
-)
+from legoworld.evaluation.normals.angles import PER_DEGREE, bins_of, metrics_of
 from legoworld.evaluation.normals.protocol import (
     ANGLES,
     ERROR_90,
@@ -31,24 +26,22 @@ from legoworld.evaluation.normals.protocol import (
 )
 from legoworld.evaluation.pixels.family import (
     F64,
-    Measuring,
     Options,
     SecondReading,
     Settings,
-    metric_policies,
 )
-from legoworld.evaluation.pixels.resampling import sampler
+from legoworld.evaluation.pixels.summary import means
 from legoworld.records.normals import NormalsRow, NormalsSummary, ScoredNormalsRow
-from legoworld.records.pixels import Means, Metrics
+from legoworld.records.pixels import Means
 
 _MEDIAN: Final = ANGLES[1]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Middle:
-    """Where the middle of all errors lies. bins: of its two places, equal for an odd number.
+    """Where the middle of all errors lies: the bins of its one or two places, and ranks there.
 
-    ranks: of these among the errors of their bins; holes: that count as errors of 90 degrees.
+    holes: that count as errors of 90 degrees.
     """
 
     bins: tuple[int, int]
@@ -68,29 +61,22 @@ def own_fields(
 
 
 def _pooled(scored: Sequence[ScoredNormalsRow], medians: Mapping[str, float]) -> Means:
-    found: Means = {}
-    if scored:
-        within = {
-            policy: value if _is_within(value, middle) else math.nan
-            for policy, middle in _middles(scored).items()
-            for value in (medians.get(policy, math.nan),)
-        }
-        return {name: {**values} for name, values in _pooled_metrics(scored, within).items()}
-    for name, policy in metric_policies(METRICS):
-        found.setdefault(name, {})[policy] = None
-    return found
-
-
-def _pooled_metrics(scored: Sequence[ScoredNormalsRow], medians: Mapping[str, float]) -> Metrics:
+    if not scored:
+        return means([], METRICS)
     images = [row.errors for row in scored]
-    return metrics_of(
+    pooled = metrics_of(
         sum(image.n for image in images),
         math.fsum(image.sum_deg for image in images),
         math.fsum(image.sum_deg2 for image in images),
         [sum(image.below[k] for image in images) for k in range(len(THRESHOLDS_DEG))],
         _holes(scored),
-        medians,
+        {
+            policy: value if _is_within(value, middle) else math.nan
+            for policy, middle in _middles(scored).items()
+            for value in (medians.get(policy, math.nan),)
+        },
     )
+    return {name: {**values} for name, values in pooled.items()}
 
 
 def _is_within(median_deg: float, middle: Middle) -> bool:
@@ -103,7 +89,7 @@ def _holes(scored: Sequence[ScoredNormalsRow]) -> int:
 
 
 def _middles(scored: Sequence[ScoredNormalsRow]) -> dict[str, Middle]:
-    """The question: by policy, where the median lies; none without a scored image."""
+    """By policy, where the median lies; none without a scored image."""
     if not scored:
         return {}
     counts = np.zeros(180 * PER_DEGREE + 1, np.int64)
@@ -127,21 +113,17 @@ def _middle(counts: NDArray[np.int64], holes: int) -> Middle:
     return Middle(bins=(low, high), ranks=(first, second), holes=holes)
 
 
-def _errors_there(image: Measuring, middles: Mapping[str, Middle]) -> F64:
-    """One image's errors in the bins that are asked for."""
-    sample = sampler(image.prediction, image.truth.size_wh)
-    errors = angular_errors(image.truth.values, sample, image.row.n_valid)
-    wanted = sorted({k for middle in middles.values() for k in middle.bins})
-    there: F64 = errors[np.isin(bins_of(errors), wanted)]
-    return there
+def _bins(scored: Sequence[ScoredNormalsRow]) -> Options:
+    """The question: the hundredths of a degree that the medians lie in."""
+    return {"bins": sorted({k for middle in _middles(scored).values() for k in middle.bins})}
 
 
-def _medians(middles: Mapping[str, Middle], images: Sequence[F64]) -> Options:
-    """The exact median by policy: the mean of the middle two of an even number."""
+def _medians(scored: Sequence[ScoredNormalsRow], images: Sequence[F64]) -> Options:
+    """The exact median by policy, from the errors in these bins."""
     errors = np.sort(np.concatenate([np.empty(0), *images]))
     bins = bins_of(errors)
     found: dict[str, float] = {}
-    for policy, middle in middles.items():
+    for policy, middle in _middles(scored).items():
         low, high = (
             _ranked(errors[bins == k], rank, middle.holes if k == HOLE_DEG * PER_DEGREE else 0)
             for k, rank in zip(middle.bins, middle.ranks, strict=True)
@@ -168,6 +150,4 @@ def _unpacked(packed: Sequence[int]) -> NDArray[np.int64]:
     return np.repeat(np.maximum(values, 0), lengths)
 
 
-MEDIAN: Final = SecondReading(
-    question=_middles, answer=_errors_there, conclude=_medians, recall=_recorded
-)
+MEDIAN: Final = SecondReading(question=_bins, conclude=_medians, recall=_recorded)

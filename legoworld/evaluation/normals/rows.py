@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, cast
 
+import numpy as np
 from msgspec.structs import asdict, replace
 
-from legoworld.evaluation.normals.angles import angular_errors, image_metrics, summed
+from legoworld.evaluation.normals.angles import angular_errors, bins_of, image_metrics, summed
 from legoworld.evaluation.normals.arrays import SIGNS, unit_vectors, valid_normals
 from legoworld.evaluation.normals.errors import NormalsPredictionError
 from legoworld.evaluation.pixels.family import ImageResult, Measuring, PixelTruth
@@ -22,10 +23,16 @@ _TURNED_DEG: Final = 180.0 - 45.0
 
 
 def measure_normals(image: Measuring) -> ImageResult:
-    """Score one image. NormalsPredictionError where the prediction's sign cannot be as stated."""
+    """Score one image. NormalsPredictionError where the prediction's sign cannot be as stated.
+
+    bins, where they are asked for: the view's place has the errors in these alone.
+    """
     row: NormalsRow = replace(image.row, sign=image.prediction.sign)
     sample = sampler(image.prediction, image.truth.size_wh)
     errors = angular_errors(image.truth.values, sample, row.n_valid)
+    if "bins" in image.options:
+        there = np.isin(bins_of(errors), cast("list[int]", image.options["bins"]))
+        return ImageResult(row=row, view=errors[there])
     row = with_holes(row, len(errors))
     if len(errors) < image.protocol.min_valid_px:
         return too_few(row, len(errors), image.protocol.min_valid_px)

@@ -8,10 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from legoworld.cards import load_card
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.family import EvaluationRequest
-from legoworld.evaluation.pixels.family import PixelFamily, Settings, TruthFile
-from legoworld.evaluation.pixels.image_tasks import answers_of, image_tasks, scored_images
+from legoworld.evaluation.pixels.family import (
+    Options,
+    PixelFamily,
+    SecondReading,
+    Settings,
+    TruthFile,
+)
+from legoworld.evaluation.pixels.image_tasks import ImageTask, image_tasks, scored_images
 from legoworld.evaluation.pixels.predictions import PixelRun, read_pixel_run
 from legoworld.evaluation.pixels.summary import summarise
 from legoworld.evaluation.prepare_inputs import prepared_inputs
@@ -66,10 +73,7 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
             views[f"{task.image.image.image_id}.json"] = result.view
         request.progress(result.row)
     if family.again is not None:
-        question = family.again.question([row for row in rows if row.has_score])
-        asked = [task for task, row in zip(tasks, rows, strict=True) if row.has_score]
-        answers = list(answers_of(asked, question, request.pool))
-        more = family.again.conclude(question, answers)
+        more = _read_again(family.again, tasks, rows, request)
         settings = replace(settings, options={**options, **more})
     summary = summarise(
         family, rows, kind=run.kind, partial=run.run.partial, protocol=protocol, settings=settings
@@ -95,6 +99,26 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     )
     write_evaluation(request.output, evaluation, overwrite=request.overwrite)
     return summary
+
+
+def _read_again(
+    again: SecondReading,
+    tasks: Sequence[ImageTask],
+    rows: Sequence[PixelRow],
+    request: EvaluationRequest,
+) -> Options:
+    """What a second reading of the scored images says of the summary."""
+    scored = [row for row in rows if row.has_score]
+    asked = again.question(scored)
+    taken = [
+        replace(task, options={**task.options, **asked})
+        for task, row in zip(tasks, rows, strict=True)
+        if row.has_score
+    ]
+    results = list(scored_images(taken, request.pool))
+    if any(result.view is None for result in results):
+        raise LegoWorldError("a file of the run or of the ground truth changed while it was scored")
+    return again.conclude(scored, [result.view for result in results])
 
 
 def _inputs(run: PixelRun, declaration: Path, files: Sequence[TruthFile]) -> list[tuple[str, Path]]:

@@ -170,13 +170,13 @@ class PixelRecords:
 class SecondReading:
     """What only arrays can say, of which the rows of all images say what is to be asked.
 
-    question: from the scored rows; answer: of one image; conclude: options of the summary from the
-    question and the answers; recall: those that a summary was made with.
+    question: options that are measured with, from the scored rows; the answer is in the view's
+    place. conclude: options of the summary, from these rows and the answers; recall: those that a
+    summary was made with.
     """
 
-    question: Callable[[Sequence[Any]], Any]
-    answer: Callable[[Measuring, Any], Any]
-    conclude: Callable[[Any, Sequence[Any]], Options]
+    question: Callable[[Sequence[Any]], Options]
+    conclude: Callable[[Sequence[Any], Sequence[Any]], Options]
     recall: Callable[[Any], Options]
 
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Final
 
 from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.pixels.family import ImageResult, Options, PixelFamily, TruthFile
 from legoworld.evaluation.pixels.predictions import PixelImage, PixelRun
-from legoworld.evaluation.pixels.rows import loaded, measuring, score_row, truth_row
+from legoworld.evaluation.pixels.rows import score_row
 from legoworld.workers.tasks import WorkerPool, map_items
-
-Q = TypeVar("Q")
 
 #: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
@@ -51,17 +48,9 @@ def image_tasks(
 
 def scored_images(tasks: Sequence[ImageTask], pool: WorkerPool) -> Iterator[ImageResult]:
     """The result of every image, in the order of the tasks."""
-    return map_items(score_task, tasks, _worth(pool, tasks))
-
-
-def answers_of(tasks: Sequence[ImageTask], question: Q, pool: WorkerPool) -> Iterator[Any]:
-    """What each scored image's arrays say to the family's second question, in that order."""
-    return map_items(partial(_answer, question), tasks, _worth(pool, tasks))
-
-
-def _worth(pool: WorkerPool, tasks: Sequence[ImageTask]) -> WorkerPool:
     truth_bytes = sum(task.sizes_bytes.get(task.file.path, 0) for task in tasks)
-    return pool.for_work(worth_a_process=len(tasks) > 1 and truth_bytes > _FEW_BYTES)
+    much = len(tasks) > 1 and truth_bytes > _FEW_BYTES
+    return map_items(score_task, tasks, pool.for_work(worth_a_process=much))
 
 
 def score_task(task: ImageTask) -> ImageResult:
@@ -69,19 +58,6 @@ def score_task(task: ImageTask) -> ImageResult:
 
     Otherwise a file missing on this machine would be mistaken for a missing prediction.
     """
-    _refuse_unseen(task)
-    return score_row(task.image, task.file, task.family, task.task, task.options)
-
-
-def _answer(question: Q, task: ImageTask) -> Any:
-    _refuse_unseen(task)
-    assert task.family.again is not None
-    truth = loaded(task.file, task.family)
-    row = truth_row(task.image, truth, task.family)
-    ready = measuring(row, task.image, task.file, truth, task.family, task.task, task.options)
-    return task.family.again.answer(ready, question)
-
-
-def _refuse_unseen(task: ImageTask) -> None:
     what = f"the {task.family.noun} files of {task.image.image.file_name}"
     refuse_unseen(task.sizes_bytes, what, task.family.errors.unseen)
+    return score_row(task.image, task.file, task.family, task.task, task.options)

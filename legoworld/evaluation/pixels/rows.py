@@ -31,16 +31,34 @@ def score_row(
     Errors of the prediction become the row's status and reason; errors of the ground truth are
     raised.
     """
-    truth = loaded(file, family)
-    row = truth_row(image, truth, family)
-    needed = family.protocol(load_card(task)).min_valid_px
+    truth = _loaded(file, family)
+    row = _truth_row(image, truth, family)
+    protocol = family.protocol(load_card(task))
+    needed = protocol.min_valid_px
     if row.n_valid < needed:
         reason = f"{row.n_valid} valid truth pixels, {needed} are needed"
         return ImageResult(row=replace(row, status=NO_TRUTH, reason=reason))
     if image.image.status != "ok":
         return ImageResult(row=replace(row, status=image.image.status, reason=image.reason))
     try:
-        return family.measure(measuring(row, image, file, truth, family, task, options))
+        check = size_check(family, truth.size_wh)
+        prediction = load_prediction(image, family, check)
+        check(prediction.size_wh)
+        read = replace(
+            row,
+            prediction_wh=prediction.size_wh,
+            resampled=prediction.size_wh != truth.size_wh,
+        )
+        return family.measure(
+            Measuring(
+                row=read,
+                prediction=prediction,
+                truth=truth,
+                file=file,
+                protocol=protocol,
+                options=options,
+            )
+        )
     except (family.errors.missing, family.errors.prediction, DepthFileError) as error:
         row = replace(row, status=error.status, code=error.code, reason=str(error))
     except MemoryError:
@@ -49,35 +67,7 @@ def score_row(
     return ImageResult(row=row)
 
 
-def measuring(
-    row: PixelRow,
-    image: PixelImage,
-    file: TruthFile,
-    truth: PixelTruth,
-    family: PixelFamily,
-    task: str,
-    options: Options,
-) -> Measuring:
-    """An image with its prediction, read and checked. Raises what is wrong with that."""
-    check = size_check(family, truth.size_wh)
-    prediction = load_prediction(image, family, check)
-    check(prediction.size_wh)
-    return Measuring(
-        row=replace(
-            row,
-            prediction_wh=prediction.size_wh,
-            resampled=prediction.size_wh != truth.size_wh,
-        ),
-        prediction=prediction,
-        truth=truth,
-        file=file,
-        protocol=family.protocol(load_card(task)),
-        options=options,
-    )
-
-
-def loaded(file: TruthFile, family: PixelFamily) -> PixelTruth:
-    """One ground truth. The family's `truth` error where it does not fit into memory."""
+def _loaded(file: TruthFile, family: PixelFamily) -> PixelTruth:
     try:
         return family.load_truth(file)
     except MemoryError as error:
@@ -89,8 +79,7 @@ def loaded(file: TruthFile, family: PixelFamily) -> PixelTruth:
         ) from error
 
 
-def truth_row(image: PixelImage, truth: PixelTruth, family: PixelFamily) -> PixelRow:
-    """The row of an image, as far as its truth and its run say it."""
+def _truth_row(image: PixelImage, truth: PixelTruth, family: PixelFamily) -> PixelRow:
     step = max(1, (1 << 20) // truth.size_wh[0])
     starts = range(0, truth.size_wh[1], step)
     name = image.image.file_name

@@ -53,10 +53,9 @@ def pooled_metrics(images, holes, order=1):
         SimpleNamespace(errors=summed(e), n_valid=len(e) + (0 if k else holes))
         for k, e in enumerate(images)
     ]
-    middles = MEDIAN.question(rows)
-    asked = sorted({k for middle in middles.values() for k in middle.bins})
+    asked = MEDIAN.question(rows)["bins"]
     answers = [e[np.isin(bins_of(e), asked)] for e in images]
-    options = MEDIAN.conclude(middles, answers[::order])
+    options = MEDIAN.conclude(rows, answers[::order])
     return own_fields(rows, rows, Settings(options=options, draws=1, seed=0))["pooled"]
 
 
@@ -111,10 +110,11 @@ def test_short_and_unknown_vectors_are_holes_in_prediction_and_truth():
     values = angled(VECTOR)
     values[0, 0] = np.nan
     values[0, 1] *= 0.5
+    values[0, 2] = np.inf
     truth = angled(np.zeros(6))
     truth[0, 5] = 0
     sample = sampler(NormalsArray(values=values, sign="towards_camera"), (6, 1))
-    assert angular_errors(truth, sample, 5) == pytest.approx(VECTOR[2:5], abs=2e-6)
+    assert angular_errors(truth, sample, 5) == pytest.approx(VECTOR[3:5], abs=2e-6)
 
 
 def test_a_smaller_prediction_is_interpolated_and_renormalised():
