@@ -79,7 +79,7 @@ def command(
     out: Output,
     **given: Unpack[ReadoutOptions],
 ) -> int:
-    """Read COCO boxes or masks, LVIS masks, depth or bench submissions out of frozen SCENES.
+    """Read COCO boxes or masks, LVIS masks, depth, normals or bench submissions out of SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
     --track every scene folder is an image. Several --task write RUNS/<task> for each, byte for byte
