@@ -11,10 +11,14 @@ from evaluation.normals.folders import evaluate, wall, write_run, write_truth
 
 from legoworld import cli
 from legoworld.depth_files.errors import DepthFileError
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.normals.arrays import Declaration, read_normals
 from legoworld.evaluation.normals.errors import NormalsTruthError
+from legoworld.evaluation.pixels import evaluate as pixels_evaluate
 from legoworld.files import sha256_of_file
+from legoworld.readouts.normals import NORMALS_FILE
+from legoworld.workers.tasks import WorkerPool
 
 SIZE = (8, 4)
 NAMES = ("a.png", "b.png", "c.png")
@@ -50,6 +54,33 @@ def test_pixels_are_pooled_and_images_are_averaged(run, truth, tmp_path):
     assert summary.all_attempted.mean_deg["exclude"] == pytest.approx((30 + 90) / 3, abs=1e-5)
     assert summary.bootstrap.unit == "image"
     assert summary.intervals["mean_deg"]["exclude"].low == pytest.approx(10, abs=1e-5)
+
+
+def test_two_workers_write_the_same_bytes(run, truth, tmp_path, monkeypatch):
+    monkeypatch.setattr("legoworld.evaluation.pixels.image_tasks._FEW_BYTES", 0)
+    evaluate(run, truth, tmp_path / "one")
+    evaluate(run, truth, tmp_path / "two", pool=WorkerPool(workers=2))
+    files = {p.relative_to(tmp_path / "one") for p in (tmp_path / "one").rglob("*") if p.is_file()}
+    assert {str(name) for name in files} >= {"summary.json", "per_image.jsonl", "view/1.json"}
+    for name in files:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_an_array_that_changes_between_the_readings_ends_scoring(run, truth, tmp_path, monkeypatch):
+    original = pixels_evaluate.scored_images
+    readings = []
+
+    def scored(tasks, pool):
+        readings.append(tasks)
+        if len(readings) == 2:
+            other = wall(SIZE, 11).astype(np.float32)
+            NORMALS_FILE.write(run / "normals/a.npz", other, {})
+        return original(tasks, pool)
+
+    monkeypatch.setattr(pixels_evaluate, "scored_images", scored)
+    with pytest.raises(LegoWorldError, match="changed while it was scored"):
+        evaluate(run, truth, tmp_path / "evaluation")
+    assert not (tmp_path / "evaluation/summary.json").exists()
 
 
 def rewritten(folder, name, change):
