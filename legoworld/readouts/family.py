@@ -50,8 +50,9 @@ class ReadoutFamily:
     there are none. sum_up: a run's summary with what is its own, of the rows that have a result.
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
-    family's options. table: what `inspect` shows of an image besides its instances. normals: whether
-    the picture is drawn with normals. sum_up raises RunDamagedError for rows that no run writes.
+    family's options. table: what `inspect` shows of an image besides its instances. normals:
+    whether the picture is drawn with normals. sum_up raises RunDamagedError for rows that no run
+    writes.
     """
 
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
