@@ -200,7 +200,7 @@ class SceneView:
         a scene that was opened without them.
         """
         view = self._inspection.view
-        if variant == "shading" and view.corner_normals is None:
+        if variant == "shading" and view.snapshot.corner_normal is None:
             raise UsageError(
                 "the scene was opened without shading normals",
                 expected="open_scene(folder, shading=True)",

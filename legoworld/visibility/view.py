@@ -38,8 +38,7 @@ class View:
     snapshot: the scene; depth_scale: metres of a scene unit.
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
-    drawn_normals: where they were asked for; corner_normals: of the surfaces, None where the
-    snapshot was read without.
+    drawn_normals: where they were asked for.
     """
 
     snapshot: Snapshot
@@ -50,8 +49,7 @@ class View:
     buffers: Buffers
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
-    drawn_normals: Normals | None
-    corner_normals: NDArray[np.float32] | None
+    drawn_normals: Normals | None = None
 
     def normals(self, variant: Variant = "geometric", *, threads: int | None = None) -> Normals:
         """Normals of the same picture; by another drawing, where it was drawn without them.
@@ -62,13 +60,14 @@ class View:
         """
         if self.drawn_normals is not None and self.drawn_normals.variant == variant:
             return self.drawn_normals
-        if variant == "shading" and self.corner_normals is None:
+        corners = self.snapshot.corner_normal if variant == "shading" else None
+        if variant == "shading" and corners is None:
             raise ShapeError("the snapshot has no corner normals")
         return render_normals(
             replace(self.surfaces, placement_id=_placements(self.surfaces)),
             self.projection,
             self.size_wh,
-            corner_normals=self.corner_normals if variant == "shading" else None,
+            corner_normals=corners,
             depth_scale=self.depth_scale,
             threads=threads,
         )
@@ -135,7 +134,6 @@ def view_through(
         area_px=area,
         bbox_xyxy_px=extents,
         drawn_normals=drawn,
-        corner_normals=snapshot.corner_normal,
     )
 
 
