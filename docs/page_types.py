@@ -20,10 +20,11 @@ OUTPUT: Final = Path(__file__).parents[1] / "tools" / "page" / "records.d.ts"
 ROOTS: Final = (
     report_page.DetectionPageView,
     report_page.DepthPageView,
+    report_page.NormalsPageView,
     report_page.RelationsPageView,
     report_page.LabelMapPageView,
     report_page.DetectionCell,
-    report_page.DepthCell,
+    report_page.PixelCell,
     report_page.RelationsCell,
     report_reconstruction.BenchPageView,
     report_reconstruction.BenchCell,
@@ -31,7 +32,7 @@ ROOTS: Final = (
 )
 #: A section as page_file.py hands it to the scripts.
 SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
-                         "errors", "images", "names", "bench")  # fmt: skip
+                         "errors", "images", "names", "bench", "pixels")  # fmt: skip
 _PLAIN: Final = {
     msgspec.inspect.StrType: "string",
     msgspec.inspect.IntType: "number",

@@ -27,7 +27,7 @@ import legoworld
 from legoworld.visibility import kernel
 from legoworld.visibility.kernel import Surfaces, render
 from legoworld.visibility.layers import amodal_layers, direct_occluders, occluders
-from legoworld.visibility.normals import geometric_normals
+from legoworld.visibility.normals import render_normals
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.triangles import triangles
 from legoworld.visibility.view import View
@@ -61,7 +61,7 @@ def time_scene(folder: Path, rounds: int, threads: int, before: Path | None) -> 
         "draw": lambda: render(*given, **options),
         "triangles": lambda: triangles(*given, **options),
         "barycentric": lambda: triangles(*given, **options, barycentric=True),
-        "normals": lambda: geometric_normals(*given, **options),
+        "normals": lambda: render_normals(*given, **options),
         "layers": lambda: amodal_layers(*given, **options),
         "occluders": lambda: (occluders(layers), direct_occluders(layers)),
         "alone": lambda: [render(one, camera, size_wh, **options) for one in singles],

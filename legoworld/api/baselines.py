@@ -141,7 +141,7 @@ def baseline_import(
     for key in given:
         if key not in family.options or (key == "box_format" and reading.card.reads != "boxes"):
             raise UsageError(f"--{key.replace('_', '-')} is not for --task {task}")
-    _check_depth(given)
+    _check_depth(given, reading.card.reads)
     if given_path.is_dir() != family.of_folder:
         raise UsageError(_not_of_the_task(given_path, task, family))
     request = ImportRequest(
@@ -185,14 +185,14 @@ def _labels(path: str | Path | None, reading: Protocol) -> dict[str, str | None]
     return read_label_map(optional_path(path), reading.vocabulary, reading.task.name)
 
 
-def _check_depth(given: Mapping[str, object]) -> None:
+def _check_depth(given: Mapping[str, object], reads: str) -> None:
     """UsageError for what is declared about depth arrays and cannot hold together."""
     space, unit = given.get("space"), given.get("unit")
     if unit is not None and not is_unit(str(unit)):
         raise UsageError(f"--unit {unit!r} is not one of {UNITS}")
     if space == "disparity" and unit:
         raise UsageError("--unit is for depth: disparity has an unknown scale and shift")
-    if space in ("depth", "disparity") and "intrinsics" in given:
+    if space in ("depth", "disparity") and "intrinsics" in given and reads == "depth":
         raise UsageError(f"--intrinsics is for ray distance, not for --space {space}")
 
 

@@ -41,6 +41,7 @@ from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
     from legoworld.tracks.scene_names import Stranger
+    from legoworld.visibility.normals import Variant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +99,7 @@ class ReadoutOptions(TypedDict, total=False):
     images_per_file: int | None
     max_side: int | None
     sky: str | None
+    variant: Variant | None
     render: bool
     render_noise: bool
     overwrite: bool
@@ -138,6 +140,7 @@ def readout(
     images_per_file: int | None = None,
     max_side: int | None = None,
     sky: str | None = None,
+    variant: Variant | None = None,
     render: bool = True,
     render_noise: bool = False,
     overwrite: bool = False,
@@ -151,13 +154,14 @@ def readout(
 
     scenes, output: folders or their URLs; scenes may be one .blend or .glb. task: the name of one
     (`legoworld list tasks`), or several: each scene is then read once for all of them, and
-    output/<task> is the run of each, byte for byte what its task alone gives. track: the images, of several tasks also a folder with
-    a <task>.json of each or a mapping by task; without one every scene folder is an image. source:
-    the file of each scene to read. workers: Blender processes, None for one per core. limit: read
-    the first images only; image_ids: read these images only; shard: (i, n), read every n-th image
-    only, starting at the i-th. images_per_file: divide the predictions into files of this many
-    images. max_side: depth and normals only, longest side of the rendered image in pixels. sky:
-    panoptic and semantic only, category of pixels without geometry, None for VOID. render,
+    output/<task> is the run of each, byte for byte what its task alone gives. track: the images, of
+    several tasks also a folder with a <task>.json of each or a mapping by task; without one every
+    scene folder is an image. source: the file of each scene to read. workers: Blender processes,
+    None for one per core. limit: read the first images only; image_ids: read these images only;
+    shard: (i, n), read every n-th image only, starting at the i-th. images_per_file: divide the
+    predictions into files of this many images. max_side: depth and normals only, longest side of
+    the rendered image in pixels. variant: normals only, "geometric" (None) or "shading" normals.
+    sky: panoptic and semantic only, category of pixels without geometry, None for VOID. render,
     render_noise: bench only, whether A's picture is rendered, and a second seed of it. overwrite:
     delete the results of an earlier run first. fail_fast: stop at the first scene that cannot be
     read. The limits apply to each Blender process. started: a Blender process already running with
@@ -186,6 +190,7 @@ def readout(
         tasks,
         max_side=max_side,
         sky=sky,
+        variant=variant,
         images_per_file=images_per_file,
         render=None if render else False,
         render_noise=render_noise or None,
@@ -211,6 +216,9 @@ def readout(
                 max_side=given[name].get("max_side"),
                 threads=1,
                 sky=reading.category(given[name]["sky"], "--sky") if "sky" in given[name] else None,
+                normals=(given[name].get("variant") or "geometric")
+                if reading.readout.normals
+                else None,
                 bench=rules(reading.card, tracks[name], source, given[name]) if rules else None,
             )
             runs.append(

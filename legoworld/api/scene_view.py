@@ -36,6 +36,7 @@ from legoworld.tables.table import Table
 from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.vocabulary import Category, Vocabulary
 from legoworld.visibility.amodal import Amodal
+from legoworld.visibility.normals import Variant
 from legoworld.visibility.posed_camera import Camera, camera_of_scene
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.runs import ColumnRuns
@@ -119,13 +120,21 @@ class SceneView:
         return self._inspection.view.buffers.depth_z_m
 
     @check_arguments
-    def normals(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32: unit normals of the triangles shown, NaN for no hit.
+    def normals(self, variant: Variant = "geometric") -> NDArray[np.float32]:
+        """(H, W, 3) float32: unit normals of the surfaces shown, NaN for no hit.
 
         In the OpenCV camera frame (x right, y down, z forward) and towards the camera: a frontal
-        wall has (0, 0, -1). Each call draws them.
+        wall has (0, 0, -1). variant: "geometric", of the triangles' planes, or "shading",
+        interpolated between their corners. Each call draws them. UsageError for shading normals of
+        a scene that was opened without them.
         """
-        return self._inspection.view.normals().normal_cam
+        view = self._inspection.view
+        if variant == "shading" and view.snapshot.corner_normal is None:
+            raise UsageError(
+                "the scene was opened without shading normals",
+                expected="open_scene(folder, shading=True)",
+            )
+        return view.normals(variant).normal_cam
 
     @property
     def projection(self) -> Projection:

@@ -51,6 +51,7 @@ class SceneOptions(TypedDict, total=False):
     cache: Cache
     require_frozen: bool
     allow_changed: bool
+    shading: bool
     time_limit_s: float
     memory_limit_gib: float
 
@@ -63,6 +64,7 @@ def open_scene(
     cache: Cache = True,
     require_frozen: bool = False,
     allow_changed: bool = False,
+    shading: bool = False,
     time_limit_s: float = TIME_LIMIT_S,
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
 ) -> Scene:
@@ -71,8 +73,8 @@ def open_scene(
     folder: any .blend or .glb; or a scene folder (with scene.blend or scene.glb) or its URL.
     source: the file of a folder to read. cache: the snapshot cache folder, True for the user's own,
     False for none. require_frozen: refuse a scene without frozen.json. allow_changed: accept a
-    scene whose files changed since it was frozen, with a warning. The limits apply to the Blender
-    process.
+    scene whose files changed since it was frozen, with a warning. shading: also read what shading
+    normals are made of. The limits apply to the Blender process.
 
     Raises a LegoWorldError if the scene cannot be read: SceneMissingError, SceneInvalidError (and
     its subclasses), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
@@ -90,6 +92,7 @@ def open_scene(
                     require_frozen=require_frozen,
                     allow_changed=allow_changed,
                     any_camera=True,
+                    corner_normals=shading,
                 )
             )
         weakref.finalize(scene, fetched.pop_all().close)

@@ -9,11 +9,9 @@ from typing import Any
 from legoworld.api.arguments import check_arguments
 from legoworld.api.listener import SILENT, Listener
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.integer_units import UNITS, is_unit
 from legoworld.files import refuse_existing
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.track import MadeTrack
-from legoworld.track_making.depth import declare
 from legoworld.track_making.family import load_track_family
 from legoworld.track_making.make_track import PhotoProblem, check_photos, make_track, make_tracks
 from legoworld.tracks.track import load_track
@@ -34,6 +32,7 @@ def track_make(
     photos: str | Path | None = None,
     space: str | None = None,
     unit: str | None = None,
+    sign: str | None = None,
     overwrite: bool = False,
     listener: Listener = SILENT,
 ) -> dict[str, MadeTrack]:
@@ -44,7 +43,8 @@ def track_make(
     seed: a random sample of this many images; images: these ids or file names only. scene_names:
     of ETH3D's layout; dataset: the name of another depth dataset; photos: the photos whose depth or
     normals in `truth` have the same names; space, unit: what such depth files hold, which is
-    written to their depth.toml. overwrite: replace existing track files.
+    written to their depth.toml; sign: which way such normals point, to their normals.toml.
+    overwrite: replace existing track files.
     """
     truths = {name: Path(one) for name, one in truth.items()} if isinstance(truth, Mapping) else {}
     files = {name: Path(output) / f"{name}.json" for name in truths}
@@ -62,13 +62,14 @@ def track_make(
         "photos": photos,
         "space": space,
         "unit": unit,
+        "sign": sign,
     }
     own = {name: value for name, value in named.items() if value is not None}
     takers = _takers(list(truths), own)
     if photos is not None:
         for one in takers:
-            _declare(truths[one], space, unit, listener.notice)
-    options = {name: value for name, value in own.items() if name not in ("space", "unit")}
+            _declare(one, truths[one], named, listener.notice)
+    options = {name: own[name] for name in own if name in ("scenes", "dataset", "photos")}
     if photos is not None:
         options["photos"] = Path(photos)
     given: dict[str, Any] = {
@@ -86,22 +87,26 @@ def track_make(
 
 def _takers(tasks: Sequence[str], given: Mapping[str, object]) -> list[str]:
     """The tasks whose tracks take the given options; UsageError for an option of none."""
-    takes = {task: load_track_family(task).options for task in tasks}
+    families = {task: load_track_family(task) for task in tasks}
     for name in given:
-        if not any(name in options for options in takes.values()):
+        if not any(name in family.options for family in families.values()):
             raise UsageError(f"--{name} is not for the task {', '.join(tasks)}")
-        if name in ("space", "unit") and "photos" not in given:
-            raise UsageError(f"--{name} is for depth files, with --photos")
-    return [task for task, options in takes.items() if options & set(given)]
+        declared = any(name in family.declared for family in families.values())
+        if declared and "photos" not in given:
+            raise UsageError(f"--{name} is for a folder's files, with --photos")
+    return [task for task, family in families.items() if family.options & set(given)]
 
 
 def _declare(
-    truth: Path, space: str | None, unit: str | None, notice: Callable[[str], None]
+    task: str, truth: Path, named: Mapping[str, Any], notice: Callable[[str], None]
 ) -> None:
-    if unit is not None and not is_unit(unit) and unit != "px":
-        raise UsageError("the unit is not known", found=unit, expected=UNITS)
-    if truth.is_dir() and (written := declare(truth, space, unit)):
-        notice(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
+    family = load_track_family(task)
+    if family.declare is None or not truth.is_dir():
+        return
+    written = family.declare(truth, {name: named[name] for name in sorted(family.declared)})
+    if written is not None:
+        name, text = written
+        notice(f"{truth.name}/{name} now says: {' '.join(text.split())}")
 
 
 @check_arguments

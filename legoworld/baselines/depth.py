@@ -38,31 +38,40 @@ NAMING: Final = Naming(
 
 def depth_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
     """A folder of depth arrays, by the options of its import."""
+    declared = declared_depth(options)
+    return PixelSource(
+        folder=folder,
+        suffix=options.get("suffix"),
+        naming=NAMING,
+        imported=imported_depth(folder, declared, options),
+        stored=DEPTH_FILE,
+        read=partial(planar_depth, declared),
+        write=write_array,
+        record=depth_record,
+    )
+
+
+def declared_depth(options: Mapping[str, Any]) -> DepthDeclared:
+    """What the options of an import say of a folder's depth."""
     intrinsics = options.get("intrinsics")
-    declared = DepthDeclared(
+    return DepthDeclared(
         space=options.get("space"),
         unit=options.get("unit"),
         cameras=read_cameras_file(intrinsics) if intrinsics else {},
         array=options.get("array"),
     )
-    suffix = options.get("suffix")
+
+
+def imported_depth(folder: Path, declared: DepthDeclared, options: Mapping[str, Any]) -> Imported:
+    """What a run says of the folder of depth that it is of."""
     cameras = {name: [*camera.intrinsics_px] for name, camera in declared.cameras.items()}
-    return PixelSource(
-        folder=folder,
-        suffix=suffix,
-        naming=NAMING,
-        imported=Imported(
-            folder=folder.resolve().name,
-            space=declared.space,
-            unit=declared.unit,
-            array=declared.array,
-            suffix=suffix,
-            cameras_sha256=sha256_of_text(canonical_json(cameras)) if cameras else None,
-        ),
-        stored=DEPTH_FILE,
-        read=partial(planar_depth, declared),
-        write=write_array,
-        record=depth_record,
+    return Imported(
+        folder=folder.resolve().name,
+        space=declared.space,
+        unit=declared.unit,
+        array=declared.array,
+        suffix=options.get("suffix"),
+        cameras_sha256=sha256_of_text(canonical_json(cameras)) if cameras else None,
     )
 
 

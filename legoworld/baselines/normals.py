@@ -11,9 +11,14 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.baselines.baseline_import import ImportRequest
+from legoworld.baselines.depth import NAMING as DEPTH_NAMING
+from legoworld.baselines.depth import declared_depth, imported_depth
+from legoworld.baselines.depth_folder import DepthDeclared
+from legoworld.baselines.depth_normals import normals_of_depth
 from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
 from legoworld.baselines.pixel_matching import Naming
+from legoworld.errors import UsageError
 from legoworld.evaluation.normals.arrays import (
     VALUES,
     Declaration,
@@ -40,9 +45,20 @@ NAMING: Final = Naming(
 
 
 def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
-    """A folder of arrays of normals, by the options of its import."""
-    declared = Declaration(sign=options.get("sign"), array=options.get("array"))
+    """A folder of arrays of normals, or of depth, by the options of its import.
+
+    UsageError for a depth with a sign, or intrinsics of normals.
+    """
     suffix = options.get("suffix")
+    if options.get("space") is not None:
+        return _of_depth(folder, suffix, options)
+    if other := [name for name in ("unit", "intrinsics") if options.get(name) is not None]:
+        raise UsageError(
+            f"--{other[0]} is for depth that normals are fitted to",
+            found="no --space",
+            expected="--space depth, disparity or ray_distance",
+        )
+    declared = Declaration(sign=options.get("sign"), array=options.get("array"))
     return PixelSource(
         folder=folder,
         suffix=suffix,
@@ -57,12 +73,40 @@ def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
     )
 
 
+def _of_depth(folder: Path, suffix: str | None, options: Mapping[str, Any]) -> PixelSource:
+    if options.get("sign") is not None:
+        raise UsageError(
+            "normals that are fitted to depth point towards the camera",
+            found="--sign and --space",
+            expected="--sign for normals, or --space for depth",
+        )
+    declared = declared_depth(options)
+    return PixelSource(
+        folder=folder,
+        suffix=suffix,
+        naming=DEPTH_NAMING,
+        imported=imported_depth(folder, declared, options),
+        stored=NORMALS_FILE,
+        read=partial(_fitted, declared),
+        write=_write,
+        record=_record,
+    )
+
+
+def _fitted(declared: DepthDeclared, path: Path, image: TrackImage) -> NormalsArray:
+    return _with_normals(normals_of_depth(declared, path, image))
+
+
 def _read(declared: Declaration, path: Path, image: TrackImage) -> NormalsArray:
     """A photo's array after all checks that need no ground truth."""
     assert image.size_wh is not None
     check = size_check(PIXELS, image.size_wh)
     array = read_normals(path, declared, check)
     check(array.size_wh)
+    return _with_normals(array)
+
+
+def _with_normals(array: NormalsArray) -> NormalsArray:
     if not valid_normals(array.values).any():
         raise NormalsPredictionError(
             "the array has no normal at any pixel",
@@ -101,8 +145,8 @@ def _import(
 
 BASELINE: Final = BaselineFamily(
     of_folder=True,
-    what="a folder of arrays of normals",
-    options=frozenset({"sign", "array", "suffix"}),
+    what="a folder of arrays of normals, or of depth with --space",
+    options=frozenset({"sign", "array", "suffix", "space", "unit", "intrinsics"}),
     import_answers=_import,
     sum_up=lambda summary, _ok: summary,
     own_file=lambda row: NORMALS_FILE.path(row.scene),

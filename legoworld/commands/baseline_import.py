@@ -37,18 +37,17 @@ from legoworld.commands.progress import shown_progress
     EXISTING_FILE,
 )
 @flag("--subset", "Ignore results of images, or answers to questions, outside the track.")
-@option("--space", "Depth: quantity in the arrays, where the files do not say.")
+@option(
+    "--space",
+    "Depth: quantity in the arrays, where the files do not say. Normals: the arrays are depth, to "
+    "which normals are fitted.",
+)
 @option(
     "--unit",
     "Depth: unit of the arrays: m, mm or m/N such as m/5000; for 16-bit integers mm, m/N, sun_rgbd "
     "or nyu_raw.",
 )
-@option(
-    "--sign",
-    "Normals: which way they point, where the files do not say; a frontal wall is (0, 0, -1) "
-    "towards the camera.",
-    Choice(["towards_camera", "away_from_camera"]),
-)
+@option("--sign")
 @option("--array", "Depth, normals: name of the array in an .npz or the channel in an .exr.")
 @option(
     "--suffix",
@@ -56,7 +55,8 @@ from legoworld.commands.progress import shown_progress
 )
 @option(
     "--intrinsics",
-    "Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth.",
+    "Depth: JSON with fx, fy, cx, cy at the arrays' size; converts ray distance to depth, and "
+    "depth to normals.",
     EXISTING_FILE,
 )
 @option("--overwrite", "Replace an existing import in the folder.")

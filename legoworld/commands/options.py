@@ -97,6 +97,12 @@ SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
     ),
     # Depth arrays, models, the plugin
     ("--space", "", {"type": Choice(["depth", "disparity", "ray_distance"])}),
+    (
+        "--sign",
+        "Normals: which way they point, where the files do not say; a frontal wall is (0, 0, -1) "
+        "towards the camera.",
+        {"type": Choice(["towards_camera", "away_from_camera"])},
+    ),
     ("--label-map", 'JSON {"their label": "category name" or null}.', {"type": EXISTING_FILE}),
     ("--ledger", "", {"type": FOLDER, "default": Path("legoworld-ledger")}),
     ("--without", "Leave a module of the plugin out, for ablations; repeatable.",

@@ -17,6 +17,7 @@ from legoworld.commands.param_types import (
     EXISTING,
     EXISTING_SCENES,
     PLACE,
+    Choice,
     ShardType,
     TaskChoice,
 )
@@ -61,6 +62,11 @@ if TYPE_CHECKING:
 @option("--images-per-file")
 @option("--max-side", "Depth and normals: longest side of the rendered image, in pixels.", COUNT)
 @option("--sky", "Panoptic, semantic: category of pixels without geometry [default: VOID].")
+@option(
+    "--variant",
+    "Normals: of the triangle's plane, or interpolated as the scene is shaded.",
+    Choice(["geometric", "shading"]),
+)
 @option("--no-render", "Bench only: R without A, no Cycles render.")
 @flag("--render-noise", "Bench only: render a second seed and compare.")
 @option("--overwrite")

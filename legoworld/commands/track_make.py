@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 )
 @option("--space", "What the depth files hold, with --photos; written to their depth.toml.")
 @option("--unit", "m, mm, m/N, sun_rgbd or nyu_raw, with --photos; written to their depth.toml.")
+@option("--sign")
 @option("--overwrite", "Replace an existing track file.")
 @options.printing
 def make_command(
@@ -71,7 +72,8 @@ def make_command(
     published reference are not known: a sample is your own, and the track records its seed and
     source. Depth: ETH3D's scenes that are present, another dataset in ETH3D's layout, or, with
     --photos, a folder of .npy, .npz, .pfm, .exr, .png, .pgm or .tiff files named like the photos.
-    Normals: with --photos, a folder of .npy, .npz or .png files whose normals.toml states the sign.
+    Normals: with --photos, a folder of .npy, .npz, .exr or .png files, named like the photos or
+    X_normal beside X_img or X; --sign or their normals.toml says which way they point.
     Relations: a run of scenes, or with --photos the .jsonl of statements about them, as VSR has it;
     the track carries the questions.
 

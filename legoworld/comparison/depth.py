@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from legoworld.comparison.family import SideFacts
-from legoworld.comparison.pixels import Missing, PixelComparison, pixel_comparison
+from legoworld.comparison.pixels import PixelComparison, pixel_comparison
 from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import as_json, to_record
@@ -67,9 +67,6 @@ def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
 #: What is compared of depth.
 COMPARED: Final = PixelComparison(
     family=PIXELS,
-    missing=Missing(
-        metric="abs_rel", value=lambda summary: float(summary.all_attempted.missing_abs_rel)
-    ),
     extra=_constant,
     facts=_facts,
     differences=_differences,

@@ -28,14 +28,6 @@ from legoworld.records.pixels import PixelRow, PixelSummary
 
 
 @dataclass(frozen=True, kw_only=True)
-class Missing:
-    """The metric that an image without a score has a value of, which a side's summary says."""
-
-    metric: str
-    value: Callable[[Any], float]
-
-
-@dataclass(frozen=True, kw_only=True)
 class PixelComparison:
     """What is compared of a family, besides its means.
 
@@ -44,11 +36,10 @@ class PixelComparison:
     """
 
     family: PixelFamily
-    missing: Missing
-    extra: Callable[[Sequence[Any], str, str], Mapping[str, float]]
-    facts: Callable[[StoredEvaluation, SideFacts], SideFacts]
-    differences: Callable[[StoredEvaluation, StoredEvaluation], list[str]]
-    notes: Callable[[Sequence[StoredEvaluation]], list[str]]
+    extra: Callable[[Sequence[Any], str, str], Mapping[str, float]] = lambda *_: {}
+    facts: Callable[[StoredEvaluation, SideFacts], SideFacts] = lambda _side, facts: facts
+    differences: Callable[[StoredEvaluation, StoredEvaluation], list[str]] = lambda *_: []
+    notes: Callable[[Sequence[StoredEvaluation]], list[str]] = lambda _sides: []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +118,8 @@ def measure_pixels(
     rows = [row for row, keep in zip(_rows(side), kept, strict=True) if keep]
     pairs = metric_policies(compared.family.metrics)
     if images == "attempted":
-        given = compared.missing.value(side.summary)
+        metric, summary = compared.family.metrics[0].name, cast("Any", side.summary)
+        given = float(getattr(summary.all_attempted, f"missing_{metric}"))
         over = {"images": len(rows), "missing": sum(not row.has_score for row in rows)}
         return {
             f"{name}.{policy}": _mean(
@@ -138,7 +130,7 @@ def measure_pixels(
                 {},
             )
             for name, policy in pairs
-            if name == compared.missing.metric
+            if name == metric
         }
     scored = [row for row in rows if row.has_score]
     return {

@@ -1,4 +1,4 @@
-"""Depth from OpenEXR files: its channel and its values."""
+"""Pictures from OpenEXR files: a channel of depth, or three of vectors."""
 
 from __future__ import annotations
 
@@ -18,12 +18,15 @@ from legoworld.errors import cause
 #: Last parts of the names of depth channels, the most specific first; `<layer>.Z` counts as Z.
 _DEPTH_NAMES: Final = (("Z",), ("DEPTH",), ("Y", "V"))
 _GREY: Final = ("R", "G", "B")
+_VECTORS: Final = (_GREY, ("X", "Y", "Z"))
 
 
 def read_exr(
-    path: Path, channel: str | None, check_size: SizeCheck | None
+    path: Path, channel: str | None, check_size: SizeCheck | None, channels_wanted: int = 1
 ) -> tuple[NDArray[Any], str]:
     """A channel of an EXR, float32 or float16, and its name (needs OpenEXR 3).
+
+    channels_wanted: 3 for (H, W, 3) float32 of the channels R, G, B, or X, Y, Z.
 
     channel: its name; None selects the only Z, else the only depth, else the only Y or V, else the
     only channel, else R if G and B are equal. DepthFileError if that is ambiguous.
@@ -46,6 +49,8 @@ def read_exr(
         raise DepthFileError(
             f"{path.name} is not one depth image", found=f"{n_parts} parts", expected="one part"
         )
+    if channels_wanted > 1:
+        return _vectors(path, channels)
     name = channel if channel is not None else _depth_channel(channels)
     values = channels.get(name) if name is not None else None
     if name is None or values is None or values.dtype not in (np.float32, np.float16):
@@ -56,6 +61,22 @@ def read_exr(
             next_step="name the channel: --array NAME in an import, array in depth.toml",
         )
     return values, name
+
+
+def _vectors(path: Path, channels: Mapping[str, NDArray[Any]]) -> tuple[NDArray[Any], str]:
+    """The only three channels of vectors, without their layer's name."""
+    by_end: dict[str, list[NDArray[Any]]] = {}
+    for name, values in channels.items():
+        by_end.setdefault(name.rpartition(".")[2].upper(), []).append(values)
+    for names in _VECTORS:
+        found = [one for name in names for one in by_end.get(name, [])]
+        if len(found) == 3 and all(one.dtype in (np.float32, np.float16) for one in found):
+            return np.stack(found, axis=-1).astype(np.float32), "".join(names)
+    raise DepthFileError(
+        f"{path.name} is not one picture of 3 channels",
+        found=", ".join(f"{n} {c.dtype}" for n, c in sorted(channels.items())) or "no channel",
+        expected="R, G, B or X, Y, Z of floating-point numbers, each once",
+    )
 
 
 def _depth_channel(channels: Mapping[str, NDArray[Any]]) -> str | None:

@@ -78,13 +78,13 @@ def read_picture(
     """The array of a one-array file (every suffix but .npz), numbers as stored.
 
     channel: an EXR's, None to find it. check_size: called with the size before the array is read.
-    channels: numbers of a pixel that the header of an .npy must claim; a PNG's are as decoded.
+    channels: numbers of a pixel that an .npy or .exr must have; a PNG's are as decoded.
     Returns the array, not necessarily with two axes, and the EXR channel's name.
     """
     refuse_photo(path)
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        return read_exr(path, channel, check_size)
+        return read_exr(path, channel, check_size, channels)
     readers: dict[str, Callable[[Path, SizeCheck | None], NDArray[Any]]] = {
         ".npy": partial(_read_npy, channels=channels),
         ".pfm": read_pfm,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from legoworld.readouts.pictures import Rgb
     from legoworld.scene.instances import Instance
     from legoworld.tracks.vocabulary import Category, Vocabulary
+    from legoworld.visibility.normals import Variant
     from legoworld.visibility.view import View
 
 __all__ = ["ANSWERS", "AnsweredImage", "Export", "ReadoutFamily", "answer_file", "unusable_row"]
@@ -34,9 +35,9 @@ Export = tuple[Prediction, "Instance"]
 class AnsweredImage:
     """One image as it was drawn.
 
-    name: of its scene or photo, without a suffix; run: the folder; threads: to draw more with;
-    vocabulary: None where answers have no categories; sky: the category of pixels without a hit,
-    None for none.
+    name: of its scene or photo, without a suffix; run: the folder; normals: which of them are asked
+    for; threads: to draw more with; vocabulary: None where answers have no categories; sky: the
+    category of pixels without a hit, None for none.
     """
 
     image_id: int
@@ -44,6 +45,7 @@ class AnsweredImage:
     run: Path
     instances: Sequence[Instance]
     view: View
+    normals: Variant | None = None
     threads: int | None = None
     vocabulary: Vocabulary | None = None
     sky: Category | None = None
@@ -61,8 +63,8 @@ class ReadoutFamily:
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
     family's options. table: what `inspect` shows of an image besides its instances, by what the
-    card says is read. array: an image's answer where it is one array. sum_up raises RunDamagedError
-    for rows that no run writes.
+    card says is read. normals: whether the picture is drawn with normals. array: an image's answer
+    where it is one array. sum_up raises RunDamagedError for rows that no run writes.
     """
 
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
@@ -75,6 +77,7 @@ class ReadoutFamily:
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
     table: Callable[[str, AnsweredImage], Table | None] | None = None
     needs_instances: bool = True
+    normals: bool = False
     array: Callable[[AnsweredImage], NDArray[np.float32]] | None = None
 
 

@@ -1,4 +1,4 @@
-"""Geometric normals: one uncompressed .npz per photo."""
+"""Normals: one uncompressed .npz per photo."""
 
 from __future__ import annotations
 
@@ -12,21 +12,26 @@ from legoworld.files import sha256_of_file
 from legoworld.readouts.family import AnsweredImage, ReadoutFamily
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.run_rows import NormalsFile, RunRow
+from legoworld.visibility.normals import Normals
 
 NORMALS_FILE: Final = PixelFile(
     folder="normals",
     array="normal_cam",
-    labels={"sign": "towards_camera", "kind": "geometric"},
+    labels={"sign": "towards_camera"},
     version=1,
     hole=np.nan,
     channels=3,
 )
 
 
+def _normals(image: AnsweredImage) -> Normals:
+    return image.view.normals(image.normals or "geometric", threads=image.threads)
+
+
 def _write(row: RunRow, image: AnsweredImage) -> RunRow:
     name = NORMALS_FILE.path(image.name)
-    path, normals = image.run / name, image.view.normals(threads=image.threads)
-    NORMALS_FILE.write(path, normals.normal_cam, {})
+    path, normals = image.run / name, _normals(image)
+    NORMALS_FILE.write(path, normals.normal_cam, {"variant": np.array(normals.variant)})
     share = normals.flipped_share
     file = NormalsFile(
         file=name,
@@ -44,5 +49,6 @@ READOUT: Final = ReadoutFamily(
     sum_up=lambda summary, _rows, _ok: summary,
     file_bytes=NORMALS_FILE.most_bytes,
     needs_instances=False,
-    array=lambda image: image.view.normals(threads=image.threads).normal_cam,
+    normals=True,
+    array=lambda image: _normals(image).normal_cam,
 )

@@ -43,7 +43,7 @@ class PixelFile:
     def write(
         self, path: Path, values: NDArray[np.float32], others: Mapping[str, NDArray[Any]]
     ) -> None:
-        """Write an array with its labels and further arrays, atomically."""
+        """Write an array with its labels and further arrays or labels, atomically."""
         labels = {name: np.array(text) for name, text in self.labels.items()}
         version = np.array(self.version)
         write_npz(path, {self.array: values, **labels, "format_version": version, **others})

@@ -32,6 +32,19 @@ class DepthView(Record, frozen=True, kw_only=True):
     fit: Fit
 
 
+class NormalsView(Record, frozen=True, kw_only=True):
+    """view/ID.json of normals: a small picture of truth and prediction.
+
+    Arrays are base64 of little-endian float32 x, y, z towards the camera, row major, NaN where
+    there is none; size_wh is theirs, image_wh the truth's.
+    """
+
+    size_wh: tuple[int, int]
+    image_wh: tuple[int, int]
+    truth: str
+    predicted: str
+
+
 #: A mask, or polygons of x, y, x, y, ...
 Segmentation = Rle | tuple[tuple[Number, ...], ...]
 

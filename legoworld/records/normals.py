@@ -60,7 +60,7 @@ class NormalsChoices(Record, frozen=True, kw_only=True):
     """The card's choices that decide a number."""
 
     aggregate: str
-    pooled_median_resolution_deg: float
+    pooled_median: str
     resolution: str
     resample: str
     valid_truth: str
@@ -70,12 +70,12 @@ class NormalsChoices(Record, frozen=True, kw_only=True):
 
 
 class AllAttempted(Record, frozen=True, kw_only=True):
-    """Mean error by hole policy over every image with truth, `missing` of them at missing_deg."""
+    """Mean error by hole policy over every image with truth, `missing` at missing_mean_deg."""
 
     mean_deg: dict[str, float | None]
     images: int
     missing: int
-    missing_deg: float
+    missing_mean_deg: float
 
 
 class NormalsSummary(PixelSummary, frozen=True, kw_only=True):

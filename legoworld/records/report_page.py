@@ -157,6 +157,28 @@ class DepthPageView(PageView, frozen=True, kw_only=True):
     depth: DepthDrawing | None
 
 
+class NormalsDrawing(Record, frozen=True, kw_only=True):
+    """The drawn normals of one photo. size_wh: of the arrays; error_deg: the error scale's end.
+
+    truth, predicted: base64 of x, y, z as signed bytes of 1 / 127, row major, 0, 0, 0 for none;
+    errors: little-endian uint16 hundredths of a degree, 65535 for none. None for a side without a
+    score.
+    """
+
+    size_wh: tuple[int, int]
+    image_wh: tuple[int, int]
+    error_deg: float
+    truth: str
+    predicted: tuple[str | None, ...]
+    errors: tuple[str | None, ...]
+
+
+class NormalsPageView(PageView, frozen=True, kw_only=True):
+    """A photo of normals. normals: None where no side scored."""
+
+    normals: NormalsDrawing | None
+
+
 class RelationsPageView(PageView, frozen=True, kw_only=True):
     """A photo of relations. questions: of each side, in one order."""
 
@@ -195,13 +217,16 @@ class DetectionCell(PhotoCell, frozen=True, kw_only=True):
     errors: tuple[tuple[str, int], ...]
 
 
-class DepthCell(PhotoCell, frozen=True, kw_only=True):
-    """Of depth; None where it has no score."""
+class PixelCell(PhotoCell, frozen=True, kw_only=True):
+    """Of an array; None where it has no score. metric: what the score is called.
 
-    abs_rel: dict[str, float] | None
-    delta1: float | None
-    constant: float | None
+    constant: the score of a constant, absent where a family has none.
+    """
+
+    metric: str
+    score: float | None
     holes: float | None
+    constant: float | UnsetType | None = UNSET
 
 
 class RelationsCell(PhotoCell, frozen=True, kw_only=True):

@@ -109,6 +109,17 @@ class SideOrigin(Record, frozen=True, kw_only=True):
     tables: tuple[Table, ...]
 
 
+class PixelList(Record, frozen=True, kw_only=True):
+    """A list of photos with an array each. metric, policy: of the score, the lower the better.
+
+    constant: whether that of a constant is beside it.
+    """
+
+    metric: str
+    policy: str
+    constant: bool
+
+
 class PageSection(Record, frozen=True, kw_only=True):
     """A section: evaluations of one task over one truth, or a comparison alone.
 
@@ -142,3 +153,4 @@ class PageSection(Record, frozen=True, kw_only=True):
     images: tuple[PhotoRow, ...] = ()
     plots: Plots = Plots()
     bench: BenchTables | None = None
+    pixels: PixelList | None = None

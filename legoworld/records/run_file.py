@@ -87,6 +87,7 @@ class Configuration(Record, frozen=True, kw_only=True):
     source: str | UnsetType | None = UNSET
     require_frozen: bool | UnsetType = UNSET
     max_side: int | UnsetType | None = UNSET
+    variant: str | UnsetType = UNSET
     bpy: str | UnsetType | None = UNSET
     snapshot_schema: int | UnsetType = UNSET
     row_schema: int | UnsetType = UNSET

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.pixels.view import decoded
-from legoworld.records.base import UNSET
-from legoworld.records.depth import DepthRow, ScoredDepthRow
+from legoworld.records.depth import ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing
 from legoworld.records.report_summary import Plots
@@ -73,26 +72,16 @@ def _errors(aligned: F32, truth: F32) -> NDArray[np.float64]:
 
 
 def depth_facts(row: ScoredDepthRow) -> list[tuple[str, str]]:
-    """How the depth was aligned and what it scored, as text."""
-    facts = [
+    """How the depth was aligned, and what it lacks."""
+    return [
         ("fit", f"1/z = {row.s:.6g} x + {row.t:.6g}, x in {row.space}"),
         ("holes", f"{row.hole_share:.2%} of the valid ground truth"),
     ]
-    for metric, values in row.metrics.items():
-        text = ", ".join(f"{policy} {value:.4f}" for policy, value in values.items())
-        facts.append((metric, text))
-    return facts
 
 
-def depth_cell(row: DepthRow) -> Mapping[str, Any]:
-    """The numbers of a row in the list."""
-    scored = row if isinstance(row, ScoredDepthRow) else None
-    return {
-        "abs_rel": scored.metrics["abs_rel"] if scored else None,
-        "delta1": scored.metrics["delta1"]["error_1"] if scored else None,
-        "constant": scored.constant["abs_rel"]["error_1"] if scored else None,
-        "holes": None if row.hole_share is UNSET else row.hole_share,
-    }
+def depth_constant(row: ScoredDepthRow) -> float:
+    """AbsRel of the constant that knows nothing of the picture."""
+    return row.constant["abs_rel"]["error_1"]
 
 
 class DepthPlots:

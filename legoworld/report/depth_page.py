@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from legoworld.records.evaluation_view import DepthView
-from legoworld.records.report_page import DepthCell, DepthPageView
+from legoworld.records.report_page import DepthPageView
 from legoworld.report.depth_images import (
     DepthPlots,
     depth_advice,
-    depth_cell,
+    depth_constant,
     depth_facts,
     depth_view,
 )
@@ -37,8 +37,7 @@ PAGE: Final = pixel_page(
         panes=_panes,
         facts=depth_facts,
         advice=depth_advice,
-        cell=DepthCell,
-        cell_fields=depth_cell,
+        constant=depth_constant,
         plots=DepthPlots,
     )
 )

@@ -1,18 +1,36 @@
-"""Normals on a page: the main metrics, means over images, above the tables."""
+"""Normals on a page: the main metrics, means over images, and the section with its photos."""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
-from legoworld.report.family import PageFamily
+from legoworld.records.evaluation_view import NormalsView
+from legoworld.records.report_page import NormalsPageView
+from legoworld.report.normals_images import normals_advice, normals_drawing, normals_facts
+from legoworld.report.pixel_section import PixelPage, Views, pixel_page
 
-PAGE: Final = PageFamily(
-    forest={
-        "mean_deg.error_90": "mean error",
-        "mean_deg.exclude": "mean error, holes left out",
-        "median_deg.error_90": "median error",
-        "below_11_25.fails": "below 11.25",
-        "below_22_5.fails": "below 22.5",
-        "below_30.fails": "below 30",
-    }
+_METRICS: Final = {
+    "mean_deg.error_90": "mean error",
+    "mean_deg.exclude": "mean error, holes left out",
+    "median_deg.error_90": "median error",
+    "below_11_25.fails": "below 11.25",
+    "below_22_5.fails": "below 22.5",
+    "below_30.fails": "below 30",
+}
+
+
+def _panes(views: Views) -> Mapping[str, Any]:
+    return {"normals": normals_drawing(views)}
+
+
+PAGE: Final = pixel_page(
+    PixelPage(
+        names=_METRICS,
+        view=NormalsView,
+        page_view=NormalsPageView,
+        panes=_panes,
+        facts=normals_facts,
+        advice=normals_advice,
+    )
 )

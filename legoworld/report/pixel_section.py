@@ -11,10 +11,11 @@ from typing import Any, Protocol, cast
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.records.base import UNSET
 from legoworld.records.pixels import PixelRow
-from legoworld.records.report_page import Advice, Answer, PageView, PhotoCell, PhotoRow
+from legoworld.records.report_page import Advice, Answer, PageView, PhotoRow, PixelCell
 from legoworld.records.report_summary import Plots
-from legoworld.records.report_tables import PageSection
+from legoworld.records.report_tables import PageSection, PixelList
 from legoworld.records.run_rows import RunRow
 from legoworld.report.advice import failure_advice, sorted_advice
 from legoworld.report.facts import run_facts, run_tables
@@ -46,8 +47,8 @@ class PixelPage:
     names: the main metrics, as comparisons call them, with the page's names; the first is in
     sentences, and photos are listed by it. view: the type of view/ID.json; page_view: that of the
     page's views, with the fields that `panes` makes of the sides' views.
-    facts: of a row with numbers; advice: on it; cell: the fields of a row in the list.
-    plots: made anew for each section.
+    facts: of a row with numbers, before its metrics; advice: on it; constant: the score of a
+    constant, where there is one. plots: made anew for each section.
     """
 
     names: Mapping[str, str]
@@ -56,9 +57,8 @@ class PixelPage:
     panes: Callable[[Views], Mapping[str, Any]]
     facts: Callable[[Any], list[tuple[str, str]]]
     advice: Callable[[Any], list[Advice]]
-    cell: Callable[..., PhotoCell]
-    cell_fields: Callable[[Any], Mapping[str, Any]]
-    plots: Callable[[int], PixelPlots]
+    constant: Callable[[Any], float] | None = None
+    plots: Callable[[int], PixelPlots] | None = None
 
     @property
     def first(self) -> tuple[str, str]:
@@ -77,7 +77,7 @@ def pixel_section(
 ) -> PageSection:
     """A section with its photos; their views go into the document."""
     rows: list[tuple[float, PhotoRow]] = []
-    plots = page.plots(len(section.sides))
+    plots = page.plots(len(section.sides)) if page.plots else None
     places.read([(row.file_name, None) for row in section.sides[0].rows])
     name, policy = page.first
     for of_sides in zip(*(side.rows for side in section.sides), strict=True):
@@ -89,12 +89,18 @@ def pixel_section(
         error = scores[name][policy] if scores else math.inf
         rows.append((-error, _row(page, image, view, len(document.views))))
         document.views.append(view)
-        plots.add(views)
+        if plots is not None:
+            plots.add(views)
     return replace(
         made,
         images=in_order(rows),
         names={},
-        plots=plots.plots([side.name for side in section.sides]),
+        pixels=PixelList(
+            metric=next(iter(page.names.values())),
+            policy=policy,
+            constant=page.constant is not None,
+        ),
+        plots=plots.plots([side.name for side in section.sides]) if plots else made.plots,
     )
 
 
@@ -135,6 +141,7 @@ def _answer(
             *run_facts(run_row, source),
             ("valid ground truth", valid),
             *(page.facts(row) if row.has_score else ()),
+            *_numbers(row),
         ),
         tables=tuple(run_tables(run_row)),
         advice=_advice(page, row, run_row, scene=side.is_scene),
@@ -156,20 +163,35 @@ def _advice(page: PixelPage, row: PixelRow, run_row: RunRow, *, scene: bool) -> 
     return sorted_advice(advice)
 
 
+def _numbers(row: PixelRow) -> list[tuple[str, str]]:
+    """The metrics of a row, by hole policy."""
+    return [
+        (metric, ", ".join(f"{policy} {value:.4f}" for policy, value in values.items()))
+        for metric, values in (row.scores or {}).items()
+    ]
+
+
 def _row(page: PixelPage, rows: Sequence[PixelRow], view: PageView, at: int) -> PhotoRow:
     return PhotoRow(
         id=view.id,
         file_name=view.file_name,
         view=at,
         n_truth=rows[0].n_valid,
-        cells=tuple(
-            page.cell(
-                status=row.status,
-                advice=drawn.advice[0].what if drawn.advice else "",
-                findings=sum(a.level == "bad" for a in drawn.advice),
-                **page.cell_fields(row),
-            )
-            for row, drawn in zip(rows, view.sides, strict=True)
-        ),
+        cells=tuple(_cell(page, row, answer) for row, answer in zip(rows, view.sides, strict=True)),
         categories=(),
     )
+
+
+def _cell(page: PixelPage, row: PixelRow, answer: Answer) -> PixelCell:
+    name, policy = page.first
+    cell = PixelCell(
+        status=row.status,
+        advice=answer.advice[0].what if answer.advice else "",
+        findings=sum(a.level == "bad" for a in answer.advice),
+        metric=next(iter(page.names.values())),
+        score=row.scores[name][policy] if row.scores else None,
+        holes=None if row.hole_share is UNSET else row.hole_share,
+    )
+    if page.constant is None:
+        return cell
+    return replace(cell, constant=page.constant(row) if row.has_score else None)

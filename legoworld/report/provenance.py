@@ -120,6 +120,8 @@ def _made_run(side: StoredEvaluation, cards: Sequence[DatasetCard]) -> str:
         words += ["--source", configuration.source]
     if configuration.max_side:
         words += ["--max-side", str(configuration.max_side)]
+    if configuration.variant and configuration.variant != "geometric":
+        words += ["--variant", configuration.variant]
     if configuration.require_frozen:
         words.append("--require-frozen")
     return shlex.join([*words, "-o", run])

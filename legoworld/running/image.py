@@ -84,7 +84,13 @@ class SceneReader:
 
     def _answers(self, questions: Questions, options: Sequence[ImageOptions]) -> Answers:
         """A draw that no task needs anew is made for the first that needs its instances."""
-        scene = SharedScene(questions[0].image.scene, options[0], self._blender)
+        asked_for = (options[asked.run].normals for asked in questions)
+        scene = SharedScene(
+            questions[0].image.scene,
+            options[0],
+            self._blender,
+            normals=next((one for one in asked_for if one is not None), None),
+        )
         exact = [options[asked.run].protocol.readout.needs_instances for asked in questions]
         ordered = sorted(zip(questions, exact, strict=True), key=lambda pair: not pair[1])
         return [
@@ -115,7 +121,7 @@ def read_image(
     shared: its scene folder, where other images were read of it. Raises the errors of this machine;
     see `classify_error`.
     """
-    scene = shared or SharedScene(image.scene, options, blender)
+    scene = shared or SharedScene(image.scene, options, blender, normals=options.normals)
     try:
         if options.bench is not None:
             return read_submission(image, scene, options, options.bench, blender)

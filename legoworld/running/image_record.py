@@ -44,6 +44,7 @@ from legoworld.scene.read_scene import ReadScene
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Category, Vocabulary
 from legoworld.visibility.camera import aspect_differs
+from legoworld.visibility.normals import Variant
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, unseen_reasons
 
@@ -54,7 +55,10 @@ _UNLABELLED_SHOWN: Final = 20
 
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions:
-    """What every image of a run is read with. bench: of that task alone; sky: of label maps."""
+    """What every image of a run is read with.
+
+    normals: drawn too; bench: of that task alone; sky: of label maps.
+    """
 
     scenes: Place
     run: Path
@@ -64,6 +68,7 @@ class ImageOptions:
     require_frozen: bool
     max_side: int | None
     threads: int
+    normals: Variant | None = None
     bench: BenchRules | None = None
     sky: Category | None = None
 
@@ -162,6 +167,7 @@ def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions
         run=options.run,
         instances=grouping.instances,
         view=seen,
+        normals=options.normals,
         threads=options.threads,
         vocabulary=vocabulary,
         sky=options.sky,

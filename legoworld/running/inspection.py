@@ -140,14 +140,24 @@ def open_scene(
     require_frozen: bool = False,
     allow_changed: bool = False,
     any_camera: bool = False,
+    corner_normals: bool = False,
 ) -> OpenScene:
     """Read one scene; raises its error.
 
     allow_changed: accept a scene that changed since it was frozen, with a warning. any_camera:
-    accept one without a camera, to be seen from poses.
+    accept one without a camera, to be seen from poses. corner_normals: whether its snapshot has
+    them.
     """
     files, changed = _files(folder, require_frozen=require_frozen, allow_changed=allow_changed)
-    read = partial(read_scene, folder, source=source, blender=blender, cache=cache, files=files)
+    read = partial(
+        read_scene,
+        folder,
+        source=source,
+        blender=blender,
+        cache=cache,
+        files=files,
+        corner_normals=corner_normals,
+    )
     try:
         return OpenScene(folder=folder, scene=read(), warnings=tuple(changed))
     except NoCameraError as error:

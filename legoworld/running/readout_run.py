@@ -130,6 +130,7 @@ def run_configuration(request: RunRequest, images: list[TrackImage]) -> Configur
         source=options.source,
         require_frozen=options.require_frozen,
         max_side=options.max_side,
+        variant=options.normals or UNSET,
         legoworld=__version__,
         bpy=bpy_version(),
         snapshot_schema=SNAPSHOT_SCHEMA,

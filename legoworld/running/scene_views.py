@@ -6,13 +6,15 @@ import numpy as np
 
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
+from legoworld.visibility.normals import Variant
 from legoworld.visibility.view import View, view
 
 
 class SceneViews:
-    """Views of one snapshot through its own camera."""
+    """Views of one snapshot through its own camera. normals: what some task asks of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, normals: Variant | None = None) -> None:
+        self._normals: Variant | None = normals
         self._drawn: list[tuple[Grouping, View]] = []
 
     def view(
@@ -33,7 +35,9 @@ class SceneViews:
         for other, drawn in self._drawn:
             if drawn.size_wh == size_wh and (not exact or _same_instances(other, grouping)):
                 return drawn
-        drawn = view(snapshot, grouping, size_wh, threads=threads)
+        drawn = view(
+            snapshot, grouping, size_wh, exact=exact, normals=self._normals, threads=threads
+        )
         self._drawn.append((grouping, drawn))
         return drawn
 

@@ -13,6 +13,7 @@ from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import FrozenFiles
 from legoworld.scene.open_scene import LOST
 from legoworld.scene.read_scene import ReadScene, check_scene, read_scene
+from legoworld.visibility.normals import Variant
 
 T = TypeVar("T")
 
@@ -45,13 +46,24 @@ class HashedScene:
 
 
 class SharedScene(HashedScene):
-    """A scene folder and what was read of it so far: its snapshot, and views of it."""
+    """A scene folder and what was read of it so far: its snapshot, and views of it.
 
-    def __init__(self, scene: str, options: ImageOptions, blender: BlenderProcess) -> None:
+    normals: what some task of the pass asks for.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        options: ImageOptions,
+        blender: BlenderProcess,
+        *,
+        normals: Variant | None = None,
+    ) -> None:
         super().__init__(scene, options)
+        self._normals = normals
         self._blender = blender
         self._snapshot = _Once(self._read)
-        self.views = SceneViews()
+        self.views = SceneViews(normals)
 
     def read(self, *, attempts: int = 1) -> ReadScene:
         """The snapshot, read at the first call. Raises as `check_scene` and `read_scene` do.
@@ -68,6 +80,7 @@ class SharedScene(HashedScene):
             blender=self._blender,
             cache=self._options.cache,
             files=self.files,
+            corner_normals=self._normals == "shading",
         )
 
 

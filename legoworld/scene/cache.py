@@ -59,13 +59,18 @@ class SnapshotCache:
         text = canonical_json({"files": files, "watched": watched})
         write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), text)
 
-    def snapshot_path(self, scene_file_sha256: str, dependencies: Hashes) -> Path:
-        """Where the snapshot of that scene file and those dependencies is or belongs."""
+    def snapshot_path(
+        self, scene_file_sha256: str, dependencies: Hashes, *, corner_normals: bool = False
+    ) -> Path:
+        """Where the snapshot of that scene file and those dependencies is or belongs.
+
+        One with corner normals is a file of its own: others need not read them.
+        """
         content = {
             name: None if found is None else found.sha256 for name, found in dependencies.items()
         }
         key = sha256_of_text(canonical_json([scene_file_key(scene_file_sha256), content]))
-        return self._entry(key, ".snapshot")
+        return self._entry(key, "-normals.snapshot" if corner_normals else ".snapshot")
 
     def entry_path(self, content_sha256: str, suffix: str) -> Path:
         """Where what this program makes of some content is or belongs."""

@@ -75,11 +75,13 @@ def read_scene(
     cache: SnapshotCache | None,
     files: FrozenFiles,
     any_camera: bool = False,
+    corner_normals: bool = False,
 ) -> ReadScene:
     """The snapshot of a scene whose files were hashed by `checked_artefacts`.
 
-    any_camera: give a scene without a camera one; it is not cached. Raises the typed verdicts of
-    `errors`: missing, invalid, changed, failed or timeout.
+    any_camera: give a scene without a camera one; it is not cached. corner_normals: whether the
+    snapshot has them. Raises the typed verdicts of `errors`: missing, invalid, changed, failed or
+    timeout.
     """
     name = BLEND if source == "blend" else GLB
     hashed = files.artefacts.get(name)
@@ -88,16 +90,28 @@ def read_scene(
     if any_camera:
         cache = None
     if cache is not None:
-        stored = _load_cached(scene, name, hashed, cache, files)
+        stored = _load_cached(scene, name, hashed, cache, files, corner_normals=corner_normals)
         if stored is not None:
             return stored
     if source == "blend":
-        made = _from_blend(scene, hashed, files, cache, blender, any_camera=any_camera)
+        made = _from_blend(
+            scene,
+            hashed,
+            files,
+            cache,
+            blender,
+            any_camera=any_camera,
+            corner_normals=corner_normals,
+        )
     else:
-        made = _from_glb(scene, hashed, files, any_camera=any_camera)
-    snapshot, content = (
-        _load_uncached(made) if cache is None else _store_in_cache(made, hashed, cache)
-    )
+        made = _from_glb(scene, hashed, files, any_camera=any_camera, corner_normals=corner_normals)
+    if cache is None:
+        snapshot, content = _load_uncached(made)
+    else:
+        stored_at = cache.snapshot_path(
+            hashed.sha256, made.files.dependencies, corner_normals=corner_normals
+        )
+        snapshot, content = _store_in_cache(made, hashed, cache, stored_at)
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=made.files)
 
 
@@ -116,7 +130,13 @@ def _missing_error(name: str, files: FrozenFiles) -> SceneInvalidError:
 
 
 def _load_cached(
-    scene: SceneFolder, name: str, hashed: FileHash, cache: SnapshotCache, files: FrozenFiles
+    scene: SceneFolder,
+    name: str,
+    hashed: FileHash,
+    cache: SnapshotCache,
+    files: FrozenFiles,
+    *,
+    corner_normals: bool,
 ) -> ReadScene | None:
     """The cached snapshot of a scene file; None where there is none that can be read.
 
@@ -129,7 +149,8 @@ def _load_cached(
     names = sorted({*names, *files_in(scene.path, [scene.simulations])})
     known = hashed_dependencies(scene, names, files, read_by=name)
     try:
-        snapshot, content = load(cache.snapshot_path(hashed.sha256, known.dependencies))
+        path = cache.snapshot_path(hashed.sha256, known.dependencies, corner_normals=corner_normals)
+        snapshot, content = load(path)
     except SceneInvalidError:
         return None
     return ReadScene(snapshot=snapshot, snapshot_sha256=content, files=known)
@@ -143,6 +164,7 @@ def _from_blend(
     blender: BlenderProcess,
     *,
     any_camera: bool,
+    corner_normals: bool,
 ) -> _NewSnapshot:
     """Have Blender write the snapshot, on the cache's disk where it is to be kept there."""
     if cache is None:  # each snapshot takes the place of the one before
@@ -160,6 +182,7 @@ def _from_blend(
             "output": str(output),
             "passing": cache is None,
             "any_camera": any_camera,
+            "corner_normals": corner_normals,
         }
     )
     names = answer["dependencies"]
@@ -171,7 +194,12 @@ def _from_blend(
 
 
 def _from_glb(
-    scene: SceneFolder, hashed: FileHash, files: FrozenFiles, *, any_camera: bool
+    scene: SceneFolder,
+    hashed: FileHash,
+    files: FrozenFiles,
+    *,
+    any_camera: bool,
+    corner_normals: bool,
 ) -> _NewSnapshot:
     """Read scene.glb here, without Blender."""
     from legoworld.scene.gltf.buffers import external_files
@@ -184,7 +212,9 @@ def _from_glb(
     parsed = parse_glb(data)
     names = external_files(parsed.document, scene.path)
     known = hashed_dependencies(scene, names, files, read_by=GLB)
-    snapshot = snapshot_of_glb(parsed, scene.path, any_camera=any_camera)
+    snapshot = snapshot_of_glb(
+        parsed, scene.path, any_camera=any_camera, corner_normals=corner_normals
+    )
     # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
     if hash_files(scene.path, names) != known.dependencies:
         raise _changed_error(scene, GLB)
@@ -199,10 +229,9 @@ def _load_uncached(made: _NewSnapshot) -> tuple[Snapshot, str]:
 
 
 def _store_in_cache(
-    made: _NewSnapshot, hashed: FileHash, cache: SnapshotCache
+    made: _NewSnapshot, hashed: FileHash, cache: SnapshotCache, stored: Path
 ) -> tuple[Snapshot, str]:
     """A snapshot that is put into the cache, and its content hash."""
-    stored = cache.snapshot_path(hashed.sha256, made.files.dependencies)
     with cache.translate_write_errors():
         if isinstance(made.snapshot, Path):
             stored.parent.mkdir(parents=True, exist_ok=True)

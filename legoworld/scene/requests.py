@@ -61,6 +61,7 @@ class Request(TypedDict, total=False):
     output: str
     passing: bool
     any_camera: bool
+    corner_normals: bool
     card: CardRequest
     thumbnail_wh: tuple[int, int]
     case: CaseRequest

@@ -153,6 +153,10 @@ class Snapshot:
 
     cameras: all that can be read, by name; for_camera: whether hair or points are meshed for
     `camera` alone. No part of the content hash: no picture through `camera` depends on them.
+
+    corner_normal: (T, 3, 3) float32, None where it was not asked for: in the mesh's frame, 0 of
+    triangles that are flat. It is not part of `content_sha256`, which is that of the scene whatever
+    is asked of it.
     """
 
     objects: tuple[SceneObject, ...]
@@ -178,9 +182,10 @@ class Snapshot:
     corner_alpha: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
     cameras: tuple[SceneCamera, ...] = ()
     for_camera: bool = False
+    corner_normal: NDArray[np.float32] | None = None
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Every array by name, in a fixed order."""
+        """Every array but corner_normal by name, in a fixed order."""
         named: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in ARRAYS}
         if self.cutouts:
             named["triangle_cutout"] = self.triangle_cutout
@@ -235,6 +240,8 @@ def save(snapshot: Snapshot, path: Path, *, passing: bool = False) -> str:
         "content_sha256": np.frombuffer(content.encode("ascii"), np.uint8),
         "cameras": np.frombuffer(canonical_json(snapshot.camera_description()).encode(), np.uint8),
     }
+    if snapshot.corner_normal is not None:
+        stored["corner_normal"] = snapshot.corner_normal
     write_arrays(path, stored | snapshot.arrays(), passing=passing)
     return content
 
@@ -270,6 +277,7 @@ def _from_parts(description: dict[str, Any], arrays: Mapping[str, NDArray[Any]])
         }
     if "corner_alpha" in arrays:
         optional["corner_alpha"] = arrays["corner_alpha"]
+    optional["corner_normal"] = arrays.get("corner_normal")
     required: dict[str, Any] = {name: arrays[name] for name in ARRAYS}
     return Snapshot(
         objects=tuple(

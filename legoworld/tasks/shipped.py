@@ -44,7 +44,7 @@ NORMALS: Final = Family(
     track="legoworld.track_making.normals:TRACK",
     baseline="legoworld.baselines.normals:BASELINE",
     by_policy=True,
-    options=frozenset({"max_side"}),
+    options=frozenset({"max_side", "variant"}),
 )
 RELATIONS: Final = Family(
     name="relations",
@@ -227,7 +227,7 @@ TASKS: Final = (
         dataset=Dataset(name="normal-maps"),
         title="Normals",
         noun="Scene normals",
-        fixed={"readout.reads": "normals", "export.kind": "geometric"},
+        fixed={"readout.reads": "normals", "export.variants": ["geometric", "shading"]},
     ),
     Task(
         name="relations",

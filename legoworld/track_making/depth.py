@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.declaration import (
-    DECLARATION,
-    read_declaration,
-    write_declaration,
-)
+from legoworld.evaluation.depth.declaration import DECLARATION, read_declaration
+from legoworld.evaluation.depth.integer_units import UNITS, is_unit
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.truth import planar_metres
+from legoworld.evaluation.pixels.declaration import declare
 from legoworld.evaluation.pixels.labelled import claimed_size
 from legoworld.track_making.eth3d import eth3d_source
 from legoworld.track_making.family import TrackFamily
@@ -54,27 +51,17 @@ def depth_source(_task: str, folder: Path, options: Mapping[str, Any]) -> Source
     return pixel_folder_source(folder, photos, dataset=dataset, arrays=arrays)
 
 
-def declare(folder: Path, space: str | None, unit: str | None) -> str | None:
-    """Write the declared space and unit into a folder's depth.toml, unless it already has one.
-
-    Returns the text written, or None. Raises UsageError when the file there declares otherwise.
-    """
-    if space is None and unit is None:
-        return None
-    there = read_declaration(folder)
-    wanted = replace(there, space=space or there.space, unit=unit or there.unit)
-    if wanted == there:
-        return None
-    if (folder / DECLARATION).exists():
-        raise UsageError(
-            f"{DECLARATION} declares {folder.name} differently",
-            found=f"space {there.space!r}, unit {there.unit!r}",
-            expected=f"space {wanted.space!r}, unit {wanted.unit!r}, as on the command line",
-            next_step=f"correct {DECLARATION}, or omit --space and --unit",
-        )
-    return write_declaration(folder, wanted)
+def _declare(folder: Path, given: Mapping[str, str | None]) -> tuple[str, str] | None:
+    unit = given["unit"]
+    if unit is not None and not is_unit(unit) and unit != "px":
+        raise UsageError(f"--unit {unit!r} is not one of {UNITS}")
+    text = declare(folder / DECLARATION, vars(read_declaration(folder)), given)
+    return (DECLARATION, text) if text else None
 
 
 TRACK: Final = TrackFamily(
-    source=depth_source, options=frozenset({"scenes", "dataset", "photos", "space", "unit"})
+    source=depth_source,
+    options=frozenset({"scenes", "dataset", "photos", "space", "unit"}),
+    declared=frozenset({"space", "unit"}),
+    declare=_declare,
 )

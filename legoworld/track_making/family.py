@@ -17,11 +17,15 @@ class TrackFamily:
     """How tracks are made of truths of one kind.
 
     source: the public half of a task's truth, by the options that were given. options: those it
-    takes. CatalogError or TruthInvalidError for unusable truth.
+    takes. CatalogError or TruthInvalidError for unusable truth. declared: the options that say
+    what a folder's files hold, which `declare` writes into it; it returns the file's name and text,
+    None where it said so already.
     """
 
     source: Callable[[str, Path, Mapping[str, Any]], Source]
     options: frozenset[str] = frozenset()
+    declared: frozenset[str] = frozenset()
+    declare: Callable[[Path, Mapping[str, str | None]], tuple[str, str] | None] | None = None
 
 
 def load_track_family(task: str) -> TrackFamily:

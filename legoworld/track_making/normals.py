@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.normals.arrays import read_declaration, read_normals
+from legoworld.evaluation.normals.arrays import DECLARATION, read_declaration, read_normals
+from legoworld.evaluation.normals.truth import file_stems
+from legoworld.evaluation.pixels.declaration import declare
 from legoworld.evaluation.pixels.labelled import claimed_size
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
@@ -30,8 +32,19 @@ def normals_source(task: str, folder: Path, options: Mapping[str, Any]) -> Sourc
         size_wh=lambda path: claimed_size(
             path, lambda file, stop: read_normals(file, declared, stop)
         ),
+        stems=file_stems,
     )
     return pixel_folder_source(folder, photos, dataset=options.get("dataset"), arrays=arrays)
 
 
-TRACK: Final = TrackFamily(source=normals_source, options=frozenset({"dataset", "photos"}))
+def _declare(folder: Path, given: Mapping[str, str | None]) -> tuple[str, str] | None:
+    text = declare(folder / DECLARATION, vars(read_declaration(folder)), given)
+    return (DECLARATION, text) if text else None
+
+
+TRACK: Final = TrackFamily(
+    source=normals_source,
+    options=frozenset({"dataset", "photos", "sign"}),
+    declared=frozenset({"sign"}),
+    declare=_declare,
+)

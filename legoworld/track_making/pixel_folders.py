@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -26,14 +26,15 @@ class Arrays:
     """The arrays of a family.
 
     noun: what one holds; read: one in full, which raises for an unusable one; size_wh: its (width,
-    height) by its header; find: the files of a photo, by its path below the photos; None for those
-    of its name.
+    height) by its header; find: the files of a photo, by its path below the photos; without it they
+    are named as one of `stems`, of a photo's path without extension the first that there is.
     """
 
     noun: str
     read: Callable[[Path], object]
     size_wh: Callable[[Path], tuple[int, int]]
     find: Callable[[str], list[Path]] | None = None
+    stems: Callable[[str], Sequence[str]] = lambda stem: (stem,)
 
 
 def pixel_folder_source(
@@ -49,9 +50,11 @@ def pixel_folder_source(
     images: list[ImageInfo] = []
     without: list[str] = []
     read: set[str] = set()
+    taken: set[Path] = set()
     for name in _photos_below(photos):
-        named = arrays.find(name) if arrays.find else files_named(folder / scene_name(name))
-        files = [p for p in named if not _same(p, photos / name)]
+        stems = arrays.stems(scene_name(name))
+        named = [arrays.find(name)] if arrays.find else (files_named(folder / s) for s in stems)
+        files = _first(named, but=photos / name)
         if not files:
             without.append(name)
             continue
@@ -64,8 +67,10 @@ def pixel_folder_source(
         whole = files[0].suffix not in read
         width, height = _read_size(files[0], photos / name, arrays, whole=whole)
         read.add(files[0].suffix)
+        taken.add(files[0].resolve())
         number = len(images) + 1
         images.append(ImageInfo(id=number, file_name=name, width=width, height=height))
+    without = [name for name in without if (photos / name).resolve() not in taken]
     if not images:
         raise CatalogError(
             f"no photo below {photos.name} has a {noun} file below {folder.name}",
@@ -118,5 +123,10 @@ def _pictures(photos: Path) -> Iterator[str]:
                 yield path.relative_to(photos).as_posix()
 
 
-def _same(a: Path, b: Path) -> bool:
-    return a.resolve() == b.resolve()
+def _first(named: Iterable[list[Path]], *, but: Path) -> list[Path]:
+    """The arrays of a photo by the first of its names; a photo is not its own array."""
+    for files in named:
+        found = [path for path in files if path.resolve() != but.resolve()]
+        if found:
+            return found
+    return []

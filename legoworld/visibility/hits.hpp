@@ -115,15 +115,62 @@ static void write_normals(const Frame& frame, const Tile& tile, const Several& o
   }
 }
 
+// The normals of a triangle's corners in the camera's frame, of length 1; false where one has none.
+static bool camera_normals(const double* m, const float* from, double to[3][3]) {
+  double moved[3][3];  // the inverse transpose times the determinant: which way it points is open
+  for (int i = 0; i < 3; ++i) {
+    const double *a = m + 4 * ((i + 1) % 3), *b = m + 4 * ((i + 2) % 3);
+    for (int j = 0; j < 3; ++j) moved[i][j] = a[(j + 1) % 3] * b[(j + 2) % 3] - a[(j + 2) % 3] * b[(j + 1) % 3];
+  }
+  for (int k = 0; k < 3; ++k) {
+    double squares = 0;
+    for (int i = 0; i < 3; ++i) {
+      to[k][i] = (moved[i][0] * from[3 * k] + moved[i][1] * from[3 * k + 1]) + moved[i][2] * from[3 * k + 2];
+      squares += to[k][i] * to[k][i];
+    }
+    const double length = std::sqrt(squares);
+    if (!(length > 0 && length < INFINITY)) return false;
+    for (int i = 0; i < 3; ++i) to[k][i] /= length;
+  }
+  return true;
+}
+
+// The corners' normals along a run, interpolated, on the side of the face normals that are there.
+static void smooth_normals(const Frame& frame, const Tile& tile, const Several& of, int lane,
+                           const Candidate& run, const float* corner_normal, float* normal) {
+  double corner[3][3];
+  if (!camera_normals(of.matrix[lane], corner_normal + 9 * of.triangle[lane], corner)) return;
+  float weights[2 * kTile];
+  write_weights(frame, tile, of, lane, run, weights);
+  for (int32_t c = run.x0; c <= run.x1; ++c) {
+    const double w1 = weights[2 * c], w2 = weights[2 * c + 1], w0 = 1 - w1 - w2;
+    double n[3], squares = 0, along = 0;
+    for (int i = 0; i < 3; ++i) {
+      n[i] = (w0 * corner[0][i] + w1 * corner[1][i]) + w2 * corner[2][i];
+      squares += n[i] * n[i];
+      along += n[i] * normal[3 * c + i];
+    }
+    const double scale = (along < 0 ? -1.0 : 1.0) / std::sqrt(squares);
+    if (!(squares > 0 && std::isfinite(scale))) continue;
+    for (int i = 0; i < 3; ++i) normal[3 * c + i] = static_cast<float>(n[i] * scale + 0.0);
+  }
+}
+
 // The first `used` of kLanes runs, each of one row and one triangle.
 static void write_runs(const Frame& frame, const Tile& tile, const Candidate* runs, int used,
                        const LwHits& hits, Turns& turns) {
-  const Several of = hits.barycentric == nullptr ? gather(frame, runs, used) : set_up(frame, runs, used);
+  const bool weighs = hits.barycentric != nullptr || hits.corner_normal != nullptr;
+  const Several of = weighs ? set_up(frame, runs, used) : gather(frame, runs, used);
   for (int lane = 0; lane < used && hits.barycentric != nullptr; ++lane) {
     const int64_t at = row_of(frame, tile, runs[lane].y0);
     write_weights(frame, tile, of, lane, runs[lane], hits.barycentric + 2 * at);
   }
-  if (hits.normal != nullptr) write_normals(frame, tile, of, runs, used, turns, hits.normal);
+  if (hits.normal == nullptr) return;
+  write_normals(frame, tile, of, runs, used, turns, hits.normal);
+  for (int lane = 0; lane < used && hits.corner_normal != nullptr; ++lane) {
+    float* row = hits.normal + 3 * row_of(frame, tile, runs[lane].y0);
+    smooth_normals(frame, tile, of, lane, runs[lane], hits.corner_normal, row);
+  }
 }
 
 static inline void write_missing(int64_t pixel, const LwHits& hits) {

@@ -72,6 +72,7 @@ class HitsStruct(ctypes.Structure):
         ("triangle", ctypes.c_void_p),
         ("barycentric", ctypes.c_void_p),
         ("normal", ctypes.c_void_p),
+        ("corner_normal", ctypes.c_void_p),
         ("flipped", ctypes.c_int64),
     ]
 

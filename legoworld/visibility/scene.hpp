@@ -42,7 +42,8 @@ struct LwHits {           // of each pixel's hit, besides instance and depth
   int32_t* triangle;      // (H,W) or null as placement, local to its mesh, -1 without a hit
   float* barycentric;     // (H,W,2) or null: the weights of corners 1 and 2, NaN without a hit
   float* normal;          // (H,W,3) or null: camera frame, towards the camera, NaN without a hit
-  int64_t flipped;        // written: normals that pointed away from the camera
+  const float* corner_normal;  // (T,3,3) or null: interpolated into normal where all three are not 0
+  int64_t flipped;        // written: normals of faces that pointed away from the camera
 };
 
 // Makes room for that many entries and sets both pointers; 0 when it could.

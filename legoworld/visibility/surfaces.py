@@ -117,6 +117,11 @@ def check_surfaces(surfaces: Surfaces) -> None:
         _check_cutouts(surfaces.cutouts, len(triangles))
 
 
+def check_corner_normals(corner_normals: NDArray[np.float32], surfaces: Surfaces) -> None:
+    """Raises ShapeError unless there is a normal for each corner of each triangle."""
+    _array("corner_normals", corner_normals, np.float32, (len(surfaces.triangles), 3, 3))
+
+
 def _check_cutouts(cutouts: Cutouts, triangles: int) -> None:
     index = _array("triangle_cutout", cutouts.triangle_cutout, np.int32, (triangles,))
     uv = _array("corner_uv", cutouts.corner_uv, np.float32, (triangles, 3, 2))

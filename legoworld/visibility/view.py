@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import ALPHA_THRESHOLD, NO_INSTANCE
+from legoworld.errors import ShapeError
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
@@ -18,7 +19,7 @@ from legoworld.visibility.camera import projection
 from legoworld.visibility.distorted import LensMap
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
 from legoworld.visibility.layers import amodal_layers
-from legoworld.visibility.normals import Normals, geometric_normals
+from legoworld.visibility.normals import Normals, Variant, render_normals
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.runs import instance_extents
 
@@ -40,7 +41,7 @@ class View:
     snapshot: the scene; depth_scale: metres of a scene unit.
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
-    lens: what distorts it, None for a pinhole.
+    lens: what distorts it, None for a pinhole; drawn_normals: where they were asked for.
     """
 
     snapshot: Snapshot
@@ -52,6 +53,7 @@ class View:
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
     lens: LensMap | None = None
+    drawn_normals: Normals | None = None
 
     @property
     def drawn(self) -> tuple[Projection, tuple[int, int]]:
@@ -79,17 +81,22 @@ class View:
             visible_px=self.area_px,
         )
 
-    def normals(self, *, threads: int | None = None) -> Normals:
-        """Geometric normals of the same picture, by another drawing.
+    def normals(self, variant: Variant = "geometric", *, threads: int | None = None) -> Normals:
+        """Normals of the same picture; by another drawing, where it was drawn without them.
 
         They do not depend on the grouping: where surfaces tie in stored depth, the first placement
-        is taken, whatever instance it belongs to.
+        is taken, whatever instance it belongs to. ShapeError for shading normals of a snapshot that
+        was read without corner normals.
         """
-        ids = self.surfaces.placement_id
-        numbers = np.where(ids == HOLDOUT, HOLDOUT, np.arange(len(ids))).astype(np.int32)
-        made = geometric_normals(
-            replace(self.surfaces, placement_id=numbers),
+        if self.drawn_normals is not None and self.drawn_normals.variant == variant:
+            return self.drawn_normals
+        corners = self.snapshot.corner_normal if variant == "shading" else None
+        if variant == "shading" and corners is None:
+            raise ShapeError("the snapshot has no corner normals")
+        made = render_normals(
+            replace(self.surfaces, placement_id=_placements(self.surfaces)),
             *self.drawn,
+            corner_normals=corners,
             depth_scale=self.depth_scale,
             threads=threads,
         )
@@ -99,11 +106,19 @@ class View:
 
 
 def view(
-    snapshot: Snapshot, grouping: Grouping, size_wh: tuple[int, int], *, threads: int | None = None
+    snapshot: Snapshot,
+    grouping: Grouping,
+    size_wh: tuple[int, int],
+    *,
+    exact: bool = True,
+    normals: Variant | None = None,
+    threads: int | None = None,
 ) -> View:
-    """Render a snapshot's instances as its camera sees them."""
+    """`view_through` the snapshot's own camera."""
     camera = projection(snapshot.camera, snapshot.render, size_wh)
-    return view_through(camera, snapshot, grouping, size_wh, threads=threads)
+    return view_through(
+        camera, snapshot, grouping, size_wh, exact=exact, normals=normals, threads=threads
+    )
 
 
 def view_through(
@@ -112,38 +127,66 @@ def view_through(
     grouping: Grouping,
     size_wh: tuple[int, int],
     *,
+    exact: bool = True,
+    normals: Variant | None = None,
     threads: int | None = None,
     lens: LensMap | None = None,
 ) -> View:
     """Render a snapshot's instances from its camera's pose with a given projection.
 
-    camera: in pixels of `size_wh` and scene units. lens: the map of what distorts it, if anything.
+    camera: in pixels of `size_wh` and scene units. exact: of surfaces at equal stored depth the
+    lower instance is shown; otherwise the first placement may be. normals: drawn along where both
+    rules are one, or the first is not needed, and nothing distorts the picture. lens: the map of
+    what distorts it, if anything.
     """
     surfaces = _surfaces(snapshot, grouping.surface_instance)
-    buffers = render(
-        surfaces,
-        lens.projection if lens else camera,
-        lens.size_wh if lens else size_wh,
-        depth_scale=snapshot.render.unit_scale,
-        threads=threads,
-    )
-    if lens is not None:
-        buffers = Buffers(
-            instance=lens.look_up(buffers.instance, NO_INSTANCE),
-            depth_z_m=lens.look_up(buffers.depth_z_m, np.inf),
+    scale, drawn = snapshot.render.unit_scale, None
+    in_order = bool((np.diff(grouping.surface_instance) >= 0).all())
+    if normals is not None and lens is None and (in_order or not exact):
+        drawn = render_normals(
+            surfaces if in_order else replace(surfaces, placement_id=_placements(surfaces)),
+            camera,
+            size_wh,
+            corner_normals=snapshot.corner_normal if normals == "shading" else None,
+            depth_scale=scale,
+            threads=threads,
         )
+        buffers = drawn.buffers
+        if not in_order:
+            instance = np.append(grouping.surface_instance, NO_INSTANCE)[buffers.instance]
+            buffers = replace(buffers, instance=instance.astype(np.int32))
+    else:
+        buffers = render(
+            surfaces,
+            lens.projection if lens else camera,
+            lens.size_wh if lens else size_wh,
+            depth_scale=scale,
+            threads=threads,
+        )
+        if lens is not None:
+            buffers = Buffers(
+                instance=lens.look_up(buffers.instance, NO_INSTANCE),
+                depth_z_m=lens.look_up(buffers.depth_z_m, np.inf),
+            )
     area, extents = instance_extents(buffers.instance, len(grouping.instances))
     return View(
         snapshot=snapshot,
         size_wh=size_wh,
         projection=camera,
         surfaces=surfaces,
-        depth_scale=snapshot.render.unit_scale,
+        depth_scale=scale,
         buffers=buffers,
         area_px=area,
         bbox_xyxy_px=extents,
         lens=lens,
+        drawn_normals=drawn,
     )
+
+
+def _placements(surfaces: Surfaces) -> NDArray[np.int32]:
+    """A number for each placement in place of its instance; holdouts stay holdouts."""
+    ids = surfaces.placement_id
+    return np.where(ids == HOLDOUT, HOLDOUT, np.arange(len(ids))).astype(np.int32)
 
 
 def surfaces_through(

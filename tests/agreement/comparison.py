@@ -16,6 +16,9 @@ TIE: Final = 1e-5
 LEAST_SAME: Final = 0.99
 LEAST_SAME_INSIDE: Final = 0.999
 LEAST_DEPTH: Final = 0.999
+NORMAL_TOLERANCE_DEG: Final = 0.1
+CREASE_DEG: Final = 10.0
+LEAST_NORMAL: Final = 0.999
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,12 +26,14 @@ class ObjectPicture:
     """Which object and how far, at each pixel.
 
     instance: (H, W) int32, -1 = nothing; names: "name|library" of each instance's object, so that
-    several instances may carry one name; depth_z_m: (H, W) float32, +inf = nothing.
+    several instances may carry one name; depth_z_m: (H, W) float32, +inf = nothing; normal_world:
+    (H, W, 3) float32, shading normals towards the camera.
     """
 
     instance: NDArray[np.int32]
     names: tuple[str, ...]
     depth_z_m: NDArray[np.float32]
+    normal_world: NDArray[np.float32] | None = None
 
     def named(self, all_names: dict[str, int]) -> NDArray[np.int32]:
         """(H, W) int32: the picture with each instance replaced by its name's number."""
@@ -82,6 +87,7 @@ def read_judgement(path: Path) -> ObjectPicture:
             instance=stored["object_index"],
             names=tuple(stored["names"].tolist()),
             depth_z_m=(stored["depth_z"] * float(stored["unit_scale"])).astype(np.float32),
+            normal_world=stored["normal_world"],
         )
 
 
@@ -115,6 +121,56 @@ def compare(
         depth_worst=float(relative.max()) if len(z) else float("nan"),
         differing=_differing(mine, theirs, inside & ~same, list(order)),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NormalAgreement:
+    """How far two pictures' shading normals agree. pixels: judged, creased: left out as creases."""
+
+    pixels: int
+    creased: int
+    within: float  # share of the judged within NORMAL_TOLERANCE_DEG
+    median_deg: float
+    worst_deg: float
+
+
+def compare_normals(ours: ObjectPicture, cycles: ObjectPicture) -> NormalAgreement:
+    """Angles where both see the same object, off silhouettes and creases of either picture."""
+    order = {n: i for i, n in enumerate(sorted({*ours.names, *cycles.names}))}
+    mine, theirs = ours.named(order), cycles.named(order)
+    assert ours.normal_world is not None
+    assert cycles.normal_world is not None
+    shared = (mine == theirs) & (mine >= 0)
+    shared &= ~silhouette(ours.instance) & ~silhouette(theirs)
+    creases = crease(ours.normal_world) | crease(cycles.normal_world)
+    judged = shared & ~creases
+    errors = angle_deg(ours.normal_world[judged], cycles.normal_world[judged])
+    return NormalAgreement(
+        pixels=int(judged.sum()),
+        creased=int((shared & creases).sum()),
+        within=float((errors <= NORMAL_TOLERANCE_DEG).mean()) if len(errors) else float("nan"),
+        median_deg=float(np.median(errors)) if len(errors) else float("nan"),
+        worst_deg=float(errors.max()) if len(errors) else float("nan"),
+    )
+
+
+def crease(normals: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) bool: one of the eight neighbours' normals is CREASE_DEG away or more."""
+    padded = np.pad(normals, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    height, width = normals.shape[:2]
+    found = np.zeros((height, width), bool)
+    for row in range(3):
+        for column in range(3):
+            other = padded[row : row + height, column : column + width]
+            found |= ~(angle_deg(normals, other) < CREASE_DEG)
+    return found
+
+
+def angle_deg(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Angles between vectors, exact for small ones; 180 where one is 0."""
+    a, b = one.astype(np.float64), other.astype(np.float64)
+    sine, cosine = np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1)
+    return np.where((sine == 0) & (cosine == 0), 180.0, np.degrees(np.arctan2(sine, cosine)))
 
 
 def _tied(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.bool_]:

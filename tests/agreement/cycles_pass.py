@@ -5,7 +5,8 @@ Run as a program, in a process of its own: one JSON request per line on standard
 file is opened, its settings are turned into one sample at each pixel centre, and it is rendered.
 
 The output .npz holds object_index (H, W) int32 into names (-1: nothing), depth_z (H, W) float32 in
-scene units (+inf: nothing), unit_scale, and names, "name|library path" of every object of the file.
+scene units (+inf: nothing), normal_world (H, W, 3) float32 (NaN: nothing), unit_scale, and names,
+"name|library path" of every object of the file.
 
 Transparency needs more than one render. Cycles' threshold is sharp on one side only: from a surface
 of alpha 0.5 and more the first sample is final, but below it a path still ends there with the
@@ -38,7 +39,7 @@ MOST_OBJECTS = 32767
 CALM_RENDERS = 6
 MOST_RENDERS = 96
 
-WANTED = ("Object Index", "Depth")
+WANTED = ("Object Index", "Depth", "Normal")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +71,8 @@ def _render_and_keep_passes(engine: Any, depsgraph: Any) -> None:
     layer = engine.get_result().layers[name]
     for name in WANTED:
         rect = layer.passes[name].rect
-        _passes[name] = np.empty(len(rect), np.float32)
-        rect.foreach_get(_passes[name])
+        _passes[name] = np.empty((len(rect), layer.passes[name].channels), np.float32)
+        rect.foreach_get(_passes[name].ravel())
 
 
 def judge(blend: str, size_wh: tuple[int, int], output: str) -> dict[str, Any]:
@@ -93,12 +94,13 @@ def judge(blend: str, size_wh: tuple[int, int], output: str) -> dict[str, Any]:
         block.pass_index = number
     names = [f"{o.name}|{o.library.filepath if o.library else ''}" for o in objects]
     backdrop = None if plain else _add_backdrop(scene, len(objects) + 1)
-    index, depth, renders = _first_render(scene) if plain else _farthest(scene)
+    index, depth, normal, renders = _first_render(scene) if plain else _farthest(scene)
     nothing = (index == 0) | (index == (backdrop or 0))
     np.savez(
         output,
         object_index=np.where(nothing, -1, index - 1).astype(np.int32),
         depth_z=np.where(nothing, np.float32(np.inf), depth),
+        normal_world=np.where(nothing[..., None], np.float32(np.nan), normal),
         unit_scale=scene.unit_settings.scale_length,
         names=np.array(names),
     )
@@ -112,39 +114,41 @@ def _saved_layer(scene: Any) -> Any:
     return next(layer for layer in scene.view_layers if layer.use)
 
 
-def _render(scene: Any, seed: int) -> tuple[Ints, Floats]:
-    """Object index (H, W) int32, 0 where nothing was written, and depth (H, W) float32."""
+def _render(scene: Any, seed: int) -> tuple[Ints, Floats, Floats]:
+    """Object index (H, W) int32, 0 where nothing was written, depth (H, W), normal (H, W, 3)."""
     scene.cycles.seed = seed
     _passes.clear()
     bpy.ops.render.render(write_still=False, use_viewport=False)
     size = (scene.render.resolution_y, scene.render.resolution_x)
     # Passes are stored bottom row first.
-    index, depth = (_passes[name].reshape(size)[::-1] for name in WANTED)
+    index, depth = (_passes[name].reshape(size)[::-1] for name in WANTED[:2])
+    normal = _passes["Normal"].reshape(*size, 3)[::-1]
     if np.any(index != np.rint(index)):
         raise RuntimeError("an object index is a mean of several: not one sample a pixel")
-    return index.astype(np.int32), depth
+    return index.astype(np.int32), depth, normal
 
 
-def _first_render(scene: Any) -> tuple[Ints, Floats, int]:
+def _first_render(scene: Any) -> tuple[Ints, Floats, Floats, int]:
     return (*_render(scene, 0), 1)
 
 
-def _farthest(scene: Any) -> tuple[Ints, Floats, int]:
+def _farthest(scene: Any) -> tuple[Ints, Floats, Floats, int]:
     """What the farthest of enough renders shows; what none has written stays so."""
-    index, depth = _render(scene, 0)
+    index, depth, normal = _render(scene, 0)
     depth = np.where(index == 0, -np.inf, depth)
     unchanged = renders = 0
     while unchanged < CALM_RENDERS:
         renders += 1
         if renders > MOST_RENDERS:
             raise RuntimeError(f"transparency did not settle in {MOST_RENDERS} renders")
-        again, farther = _render(scene, renders)
+        again, farther, behind = _render(scene, renders)
         farther = np.where(again == 0, -np.inf, farther)
         # Another seed moves the sample by a thousandth of a pixel: the same surface is not farther.
         changed = farther > np.where(again == index, depth + 1e-3 * np.abs(depth), depth)
         unchanged = 0 if changed.any() else unchanged + 1
         index, depth = np.where(changed, again, index), np.where(changed, farther, depth)
-    return index, depth, renders + 1
+        normal = np.where(changed[..., None], behind, normal)
+    return index, depth, normal, renders + 1
 
 
 def _add_backdrop(scene: Any, pass_index: int) -> int:
@@ -197,7 +201,7 @@ def _set_up(scene: Any, layer: Any, size_wh: tuple[int, int]) -> bool:
         "use_fast_gi": False,
     }.items():
         setattr(settings, name, value)
-    layer.use_pass_object_index = layer.use_pass_z = True
+    layer.use_pass_object_index = layer.use_pass_z = layer.use_pass_normal = True
     layer.pass_alpha_threshold = 0.5
     for camera in bpy.data.cameras:
         camera.dof.use_dof = False

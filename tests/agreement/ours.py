@@ -17,16 +17,27 @@ from legoworld.visibility.view import view
 
 
 def snapshot_of(
-    folder: SceneFolder, blender: BlenderProcess, cache: SnapshotCache | None = None
+    folder: SceneFolder,
+    blender: BlenderProcess,
+    cache: SnapshotCache | None = None,
+    *,
+    corner_normals: bool = False,
 ) -> Snapshot:
     """The scene folder's snapshot, by the way every command takes."""
     files = checked_artefacts(folder, require_frozen=False)
-    scene = read_scene(folder, source="blend", blender=blender, cache=cache, files=files)
+    scene = read_scene(
+        folder,
+        source="blend",
+        blender=blender,
+        cache=cache,
+        files=files,
+        corner_normals=corner_normals,
+    )
     return scene.snapshot
 
 
 def picture_of(snapshot: Snapshot, size_wh: tuple[int, int]) -> ObjectPicture:
-    """What the snapshot's camera sees, labels ignored."""
+    """What the snapshot's camera sees, labels ignored; its normals where its corners have some."""
     grouping = group(snapshot, Labels(objects={}, collections={}, warnings=()))
     seen = view(snapshot, grouping, size_wh)
     instance_object = np.zeros(len(grouping.instances), np.int32)
@@ -34,8 +45,14 @@ def picture_of(snapshot: Snapshot, size_wh: tuple[int, int]) -> ObjectPicture:
         snapshot.surface_occurrence
     ]
     objects = [snapshot.objects[i] for i in instance_object.tolist()]
+    normals = None
+    if snapshot.corner_normal is not None:
+        # A parent's scale can leave the camera's axes askew: normals go by the inverse transpose.
+        cam_from_world = np.linalg.inv(np.array(snapshot.camera.world_from_camera)[:, :3])
+        normals = (seen.normals("shading").normal_cam @ cam_from_world).astype(np.float32)
     return ObjectPicture(
         instance=seen.buffers.instance,
         names=tuple(f"{o.name}|{o.library or ''}" for o in objects),
         depth_z_m=seen.buffers.depth_z_m,
+        normal_world=normals,
     )

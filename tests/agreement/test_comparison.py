@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from agreement.comparison import ObjectPicture, compare, silhouette
+from agreement.comparison import ObjectPicture, compare, compare_normals, silhouette
 
 
 def two_halves(size: int = 100) -> ObjectPicture:
@@ -104,3 +104,26 @@ def test_a_silhouette_is_one_pixel_on_each_side() -> None:
 def test_pictures_of_two_sizes_are_refused() -> None:
     with pytest.raises(ValueError, match="against"):
         compare(two_halves(100), two_halves(96))
+
+
+def shaded(degrees: float, bend: float = 0.0) -> ObjectPicture:
+    """Two halves whose normals are so far from the camera's axis; the right half is bent."""
+    picture = two_halves()
+    angles = np.radians(np.where(picture.instance == 1, degrees + bend, degrees))
+    normal = np.stack([np.sin(angles), 0 * angles, -np.cos(angles)], axis=-1).astype(np.float32)
+    return replace(picture, normal_world=normal)
+
+
+def test_normals_are_judged_off_silhouettes_and_creases() -> None:
+    assert compare_normals(shaded(3.0), shaded(3.05)).within == 1.0
+    found = compare_normals(shaded(3.0, bend=0.2), shaded(3.0))
+    assert found.within == pytest.approx(0.5, abs=0.01)
+    assert found.worst_deg == pytest.approx(0.2, abs=1e-4)
+    crease = compare_normals(shaded(0.0, bend=40), shaded(0.0, bend=40))
+    assert (crease.within, crease.creased) == (1.0, 0), "it is where the silhouette is"
+    opposite = shaded(3.0)
+    assert opposite.normal_world is not None
+    turned = replace(opposite, normal_world=-opposite.normal_world)
+    assert compare_normals(turned, shaded(3.0)).within == 0.0
+    nothing = replace(opposite, normal_world=np.zeros_like(opposite.normal_world))
+    assert np.isnan(compare_normals(nothing, shaded(3.0)).within)

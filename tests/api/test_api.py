@@ -46,6 +46,8 @@ def test_a_view_is_what_the_kernel_saw(view):
     assert view.instance.shape == view.depth_z_m.shape == (100, 150)
     assert (view.instance.dtype, view.depth_z_m.dtype) == (np.int32, np.float32)
     assert (np.isinf(view.depth_z_m) == (view.instance == -1)).all()
+    with pytest.raises(UsageError, match="shading=True"):
+        view.normals("shading")
     normals = view.normals()
     assert (normals.dtype, normals.shape) == (np.float32, (100, 150, 3))
     assert (np.isnan(normals).all(axis=2) == (view.instance == -1)).all()

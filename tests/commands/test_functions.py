@@ -47,6 +47,7 @@ OTHER_WORDS: Final = {
 #: Arguments that no command offers: they are about Python, or a command decides them.
 OF_PYTHON: Final = {
     "folder", "listener", "started", "answer", "requests", "require_frozen", "program_or_scene",
+    "shading",
 }  # fmt: skip
 
 

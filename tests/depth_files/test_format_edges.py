@@ -13,10 +13,11 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX, check_claim, picture_shape, tiff_claim
 from legoworld.depth_files.read_depth import files_named, read_pfm, read_picture
 from legoworld.evaluation.depth.arrays import DepthArray, in_range
-from legoworld.evaluation.depth.declaration import Declaration, read_declaration, write_declaration
+from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.integer_units import is_unit, metres, per_metre
 from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.pixels.declaration import declare
 from legoworld.evaluation.pixels.labelled import claimed_size
 
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)
@@ -286,6 +287,10 @@ def test_what_a_declaration_may_say(tmp_path: Path, line: str, fits: bool) -> No
 
 
 def test_a_declaration_is_read_as_it_was_written(tmp_path: Path) -> None:
-    for declared in (Declaration(), Declaration(space="disparity"), IN_METRES):
-        write_declaration(tmp_path, declared)
+    path = tmp_path / DECLARATION
+    assert declare(path, vars(Declaration()), {"space": None, "unit": None}) is None
+    assert not path.exists()
+    for declared in (Declaration(space="disparity"), IN_METRES):
+        path.unlink(missing_ok=True)
+        declare(path, vars(Declaration()), {"space": declared.space, "unit": declared.unit})
         assert read_declaration(tmp_path) == declared

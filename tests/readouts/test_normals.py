@@ -14,7 +14,7 @@ from legoworld.readouts.normals import NORMALS_FILE, READOUT
 from legoworld.records.run_rows import RunRow
 from legoworld.scene.instances import group
 from legoworld.scene.labels import Labels
-from legoworld.visibility.normals import geometric_normals
+from legoworld.visibility.normals import render_normals
 from legoworld.visibility.view import view
 
 SIZE = (64, 48)
@@ -40,7 +40,8 @@ def test_a_wall_that_is_turned_and_the_wall_behind_it(tmp_path):
     near = drawn(snapshot).buffers.instance == 0
     with np.load(tmp_path / row.normals.file) as arrays:
         found = arrays["normal_cam"]
-        assert {k: str(arrays[k]) for k in ("sign", "kind")} == NORMALS_FILE.labels
+        assert {k: str(arrays[k]) for k in ("sign",)} == NORMALS_FILE.labels
+        assert str(arrays["variant"]) == "geometric"
         assert (found.dtype, found.shape) == (np.float32, (48, 64, 3))
     # The camera looks along -z with y up: its own z is the world's -z, its x the world's x.
     assert found[near] == pytest.approx(
@@ -67,7 +68,7 @@ def test_where_surfaces_tie_the_first_placement_is_taken_whatever_its_instance()
     snapshot = quads(*((name, SQUARE, at(0, 0, 0, turned(angle))) for name, angle in placed))
     seen = view(snapshot, group(snapshot, UNLABELLED), (65, 49))
     swapped = replace(seen.surfaces, placement_id=1 - seen.surfaces.placement_id)
-    by_instance = geometric_normals(swapped, seen.projection, seen.size_wh)
+    by_instance = render_normals(swapped, seen.projection, seen.size_wh)
     found = [n.tobytes() for n in (seen.normals().normal_cam, by_instance.normal_cam)]
     assert found[0] != found[1]
     assert replace(seen, surfaces=swapped).normals().normal_cam.tobytes() == found[0]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from running.run_folders import results, tree
 
@@ -19,6 +21,7 @@ from legoworld.running.image_record import ImageOptions
 from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.shipped import catalog
+from legoworld.visibility import normals, view
 
 TASKS = ["eth3d", "coco", "lvis", "coco-masks", "amodal", "boxes3d", "normals", "relations"]
 TASKS += ["coco-panoptic", "voc-semantic"]
@@ -115,6 +118,36 @@ def test_each_scene_is_hashed_read_and_drawn_once(scenes, cache, tmp_path, monke
     assert counts == {"hashed": 4, "read": 4, "drawn": 2 + 1 + 1}
     legoworld.readout(scenes, tmp_path, task=TASKS, cache=cache, workers=1)
     assert counts["hashed"] == 4 + 3 + 2, "three hold a result, two are read again for some task"
+
+
+@pytest.mark.blender
+def test_shading_normals_are_read_where_they_are_asked_for(alone, scenes, cache, tmp_path):
+    both, one = tmp_path / "both", tmp_path / "one"
+    shading = {"variant": "shading", "cache": cache}
+    legoworld.readout(scenes, both, task=["coco", "normals"], **shading)
+    legoworld.readout(scenes, one, task="normals", **shading)
+    assert results(both / "coco") == alone["coco"]
+    assert results(both / "normals") == results(one)
+    with np.load(one / "normals/astronaut.npz") as smooth:
+        assert str(smooth["variant"]) == "shading"
+        facets = np.load(io.BytesIO(alone["normals"]["normals/astronaut.npz"]))["normal_cam"]
+        assert (smooth["normal_cam"] * facets).sum(axis=-1).min() >= 0
+        assert (smooth["normal_cam"] != facets).any(axis=-1).mean() > 0.5
+    with pytest.raises(ConfigurationMismatchError):
+        legoworld.readout(scenes, one, task="normals", cache=cache)
+    with pytest.raises(UsageError, match="--variant is for normals alone"):
+        legoworld.readout(scenes, tmp_path / "other", task="eth3d", **shading)
+
+
+@pytest.mark.blender
+@pytest.mark.parametrize("task", ["normals", ["eth3d", "normals"]])
+def test_normals_are_drawn_along_with_depth(scenes, cache, tmp_path, monkeypatch, task):
+    drawn = []
+    original = normals.render_into
+    monkeypatch.setattr(normals, "render_into", lambda *a: drawn.append("normals") or original(*a))
+    monkeypatch.setattr(view, "render", lambda *_a, **_k: drawn.append("plain"))
+    legoworld.readout(scenes, tmp_path, task=task, cache=cache, workers=1)
+    assert drawn == ["normals"] * 3
 
 
 @pytest.mark.blender

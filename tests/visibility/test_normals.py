@@ -1,4 +1,4 @@
-"""Geometric normals, towards the camera by each pixel's own ray."""
+"""Normals, towards the camera by each pixel's own ray: of faces, and interpolated."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from visibility.kernel_scenes import (
     place,
 )
 
+from legoworld.errors import ShapeError
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
-from legoworld.visibility.normals import geometric_normals
+from legoworld.visibility.normals import render_normals
 from legoworld.visibility.triangles import triangles
 
 SIZE = (120, 90)
@@ -26,14 +27,14 @@ CAMERA = pixel_camera(SIZE)
 
 def test_a_frontal_wall_looks_at_the_camera_also_in_the_corners():
     wall = pixel_rectangle(CAMERA, 0, 0, 120, 90, 3.0)
-    seen = geometric_normals(place([wall]), CAMERA, SIZE)
+    seen = render_normals(place([wall]), CAMERA, SIZE)
     assert np.all(seen.normal_cam == np.array([0, 0, -1], np.float32))
     assert not np.signbit(seen.normal_cam[..., :2]).any()
 
 
 def test_a_floor_looks_up_and_holes_are_nan():
     corners = [(-50, 1.5, 0.05), (50, 1.5, 0.05), (50, 1.5, 90), (-50, 1.5, 90)]
-    seen = geometric_normals(place([mesh(corners, [(0, 1, 2), (0, 2, 3)])]), CAMERA, SIZE)
+    seen = render_normals(place([mesh(corners, [(0, 1, 2), (0, 2, 3)])]), CAMERA, SIZE)
     hit = seen.buffers.instance >= 0
     assert hit[60:].all()
     assert np.all(seen.normal_cam[hit] == np.array([0, -1, 0], np.float32))
@@ -44,7 +45,7 @@ def test_at_wide_angles_a_visible_face_may_look_forward():
     camera = pixel_camera(SIZE, fx=20.0, fy=20.0)  # rays up to 72 degrees to the side
     corners = [(4, -3, 2), (4, 3, 2), (3, 3, 1), (3, -3, 1)]
     leaning = mesh(corners, [(0, 1, 2), (0, 2, 3)])
-    seen = geometric_normals(place([leaning]), camera, SIZE)
+    seen = render_normals(place([leaning]), camera, SIZE)
     hit = seen.buffers.instance >= 0
     assert hit.sum() > 100
     expected = np.array([-1, 0, 1]) / np.sqrt(2)
@@ -54,7 +55,7 @@ def test_at_wide_angles_a_visible_face_may_look_forward():
 @pytest.mark.parametrize("seed", range(12))
 def test_normals_are_the_inverse_transposes_and_look_at_the_camera(seed):
     surfaces, camera, size_wh = jumble(seed)
-    seen = geometric_normals(surfaces, camera, size_wh)
+    seen = render_normals(surfaces, camera, size_wh)
     hits = triangles(surfaces, camera, size_wh)
     plain = render(surfaces, camera, size_wh)
     assert seen.buffers.instance.tobytes() == plain.instance.tobytes()
@@ -90,18 +91,18 @@ def assert_same_normals(one, other):
 @pytest.mark.parametrize("seed", range(3))
 def test_same_bytes_for_threads_and_instruction_sets(seed, monkeypatch):
     surfaces, camera, size_wh = jumble(seed)
-    first = geometric_normals(surfaces, camera, size_wh, threads=1)
+    first = render_normals(surfaces, camera, size_wh, threads=1)
     for threads in (2, 4):
-        assert_same_normals(geometric_normals(surfaces, camera, size_wh, threads=threads), first)
+        assert_same_normals(render_normals(surfaces, camera, size_wh, threads=threads), first)
     for level in LEVELS:
         monkeypatch.setenv(LEVEL_VARIABLE, level)
-        assert_same_normals(geometric_normals(surfaces, camera, size_wh, threads=2), first)
+        assert_same_normals(render_normals(surfaces, camera, size_wh, threads=2), first)
 
 
 def test_small_triangles_drawn_in_many_rounds():
     surfaces, size_wh = ball_pit(60), (200, 150)
     camera = pixel_camera(size_wh)
-    seen = geometric_normals(surfaces, camera, size_wh)
+    seen = render_normals(surfaces, camera, size_wh)
     hits = triangles(surfaces, camera, size_wh)
     shown = hits.triangle >= 0
     assert seen.buffers.depth_z_m.tobytes() == hits.buffers.depth_z_m.tobytes()
@@ -123,7 +124,7 @@ def test_the_share_flipped_counts_backs_and_a_mirror_turns_nothing():
     for name, shape in (("card", card), ("turned", turned)):
         for how, matrix in (("still", still), ("mirrored", mirror)):
             surfaces = place([shape], [(0, matrix, 0)])
-            shares[name, how] = geometric_normals(surfaces, CAMERA, SIZE).flipped_share
+            shares[name, how] = render_normals(surfaces, CAMERA, SIZE).flipped_share
     assert shares["card", "still"] == shares["card", "mirrored"]
     assert shares["turned", "still"] == shares["turned", "mirrored"]
     assert {shares["card", "still"], shares["turned", "still"]} == {0.0, 1.0}
@@ -131,6 +132,84 @@ def test_the_share_flipped_counts_backs_and_a_mirror_turns_nothing():
 
 def test_nothing_and_holdouts_have_no_normals():
     card = pixel_rectangle(CAMERA, 20, 10, 100, 50)
-    seen = geometric_normals(place([card], [(0, np.eye(4)[:3], HOLDOUT)]), CAMERA, SIZE)
+    seen = render_normals(place([card], [(0, np.eye(4)[:3], HOLDOUT)]), CAMERA, SIZE)
     assert np.isnan(seen.normal_cam).all()
     assert np.isnan(seen.flipped_share)
+
+
+def corner_normals(surfaces, seed=0):
+    """Of every triangle: its own plus noise, of any length; a third of them are flat."""
+    noise = np.random.default_rng(seed)
+    normals = np.empty((len(surfaces.triangles), 3, 3), np.float32)
+    for m, start in enumerate(surfaces.triangle_start[:-1]):
+        index = surfaces.triangles[start : surfaces.triangle_start[m + 1]]
+        a, b, c = np.moveaxis(surfaces.vertices[surfaces.vertex_start[m] + index], 1, 0)
+        face = np.cross(b - a, c - a)
+        face /= np.linalg.norm(face, axis=-1, keepdims=True) + 1e-30
+        normals[start : start + len(index)] = face[:, None] + noise.normal(
+            0, 0.4, (len(index), 3, 3)
+        )
+    normals *= noise.uniform(0.1, 5, (len(normals), 3, 1))
+    normals[noise.random(len(normals)) < 0.3, 1] = 0
+    return np.ascontiguousarray(normals, np.float32)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shading_normals_are_those_of_the_corners_interpolated(seed):
+    """Placements of a jumble are turned, sheared and mirrored; numpy knows them by the inverse."""
+    surfaces, camera, size_wh = jumble(seed)
+    corners = corner_normals(surfaces, seed)
+    flat = render_normals(surfaces, camera, size_wh)
+    seen = render_normals(surfaces, camera, size_wh, corner_normals=corners)
+    hits = triangles(surfaces, camera, size_wh, barycentric=True)
+    assert seen.buffers.depth_z_m.tobytes() == flat.buffers.depth_z_m.tobytes()
+    assert (seen.variant, flat.variant) == ("shading", "geometric")
+    assert seen.flipped_share == flat.flipped_share
+    smooth = 0
+    for row, column in np.argwhere(hits.triangle >= 0):
+        placement = hits.placement[row, column]
+        start = surfaces.triangle_start[surfaces.placement_mesh[placement]]
+        own = corners[start + hits.triangle[row, column]].astype(float)
+        face = flat.normal_cam[row, column].astype(float)
+        found = seen.normal_cam[row, column]
+        if not own[1].any():
+            assert found.tobytes() == flat.normal_cam[row, column].tobytes()
+            continue
+        smooth += 1
+        inverse = np.linalg.inv(surfaces.cam_from_mesh[placement][:, :3])
+        moved = own @ inverse
+        moved /= np.linalg.norm(moved, axis=-1, keepdims=True)
+        w1, w2 = hits.barycentric[row, column].astype(float)
+        # Two that differ by the determinant's sign: the face says which it is.
+        expected = (1 - w1 - w2) * moved[0] + w1 * moved[1] + w2 * moved[2]
+        expected *= np.sign(expected @ face) / np.linalg.norm(expected)
+        assert found @ face >= 0
+        np.testing.assert_allclose(found, expected, atol=2e-6)
+    assert smooth > 300
+
+
+@pytest.mark.parametrize("broken", [0.0, np.nan, np.inf])
+def test_without_normals_at_a_corner_both_variants_are_the_same_bits(broken):
+    surfaces, camera, size_wh = jumble(1)
+    corners = corner_normals(surfaces)
+    corners[:, 2] = broken
+    seen = render_normals(surfaces, camera, size_wh, corner_normals=corners)
+    assert_same_normals(seen, render_normals(surfaces, camera, size_wh))
+
+
+def test_shading_normals_have_the_same_bytes_for_threads_and_instruction_sets(monkeypatch):
+    surfaces, camera, size_wh = jumble(2)
+    corners = corner_normals(surfaces)
+    first = render_normals(surfaces, camera, size_wh, corner_normals=corners, threads=1)
+    for level in LEVELS:
+        monkeypatch.setenv(LEVEL_VARIABLE, level)
+        again = render_normals(surfaces, camera, size_wh, corner_normals=corners, threads=3)
+        assert_same_normals(again, first)
+
+
+def test_corner_normals_of_another_shape_or_type_are_refused():
+    surfaces, camera, size_wh = jumble(0)
+    good = corner_normals(surfaces)
+    for bad in (good[1:], good.astype(np.float64), good[..., ::-1], good[:, 0]):
+        with pytest.raises(ShapeError, match="corner_normals"):
+            render_normals(surfaces, camera, size_wh, corner_normals=bad)

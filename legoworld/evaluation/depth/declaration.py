@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-import tomllib
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld.errors import cause
 from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
 from legoworld.evaluation.depth.errors import DepthTruthError
-from legoworld.files import Json, utf8_text, write_text
+from legoworld.evaluation.pixels.declaration import is_text, read_declared
+from legoworld.files import Json
 
 DECLARATION: Final = "depth.toml"
 
@@ -39,45 +39,15 @@ class Declaration:
 
 def read_declaration(folder: Path) -> Declaration:
     """The folder's depth.toml; an empty declaration without one. DepthTruthError if invalid."""
-    path = folder / DECLARATION
-    if not path.is_file():
-        return Declaration()
-    try:
-        values = tomllib.loads(utf8_text(path.read_bytes()))
-    except (OSError, ValueError, RecursionError) as error:
-        raise DepthTruthError(f"{DECLARATION} cannot be read", found=cause(error)) from error
-    known = {f.name for f in fields(Declaration)}
-    wrong = [key for key in values if key not in known]
-    wrong += [key for key, value in values.items() if key in known and not _fits(key, value)]
-    if wrong:
-        raise DepthTruthError(
-            f"{DECLARATION} has an unknown key or value",
-            found=f"{wrong[0]} = {values[wrong[0]]!r}",
-            expected=", ".join(sorted(known)) + "; space " + " | ".join(SPACES),
-        )
+    values = read_declared(
+        folder / DECLARATION,
+        _FITS,
+        expected=", ".join(sorted(_FITS)) + "; space " + " | ".join(SPACES),
+        error=DepthTruthError,
+    )
     if "intrinsics_px" in values:
         values["intrinsics_px"] = tuple(float(x) for x in values["intrinsics_px"])
     return Declaration(**values)
-
-
-def write_declaration(folder: Path, declared: Declaration) -> str:
-    """Write space and unit as the folder's depth.toml; returns its text."""
-    pairs = (("space", declared.space), ("unit", declared.unit))
-    text = "".join(f'{key} = "{value}"\n' for key, value in pairs if value is not None)
-    write_text(folder / DECLARATION, text)
-    return text
-
-
-def _fits(key: str, value: Json) -> bool:
-    if key == "space":
-        return value in SPACES
-    if key in ("unit", "array"):
-        return isinstance(value, str)
-    if key == "invalid_value":
-        return type(value) is int and 0 <= value <= 65535
-    if key == "intrinsics_px":
-        return isinstance(value, list) and len(value) == 4 and all(map(_is_number, value))
-    return _is_number(value)
 
 
 def _is_number(value: Json) -> bool:
@@ -85,3 +55,15 @@ def _is_number(value: Json) -> bool:
         return isinstance(value, int | float) and type(value) is not bool and math.isfinite(value)
     except OverflowError:  # an integer that no float holds
         return False
+
+
+_FITS: Final[dict[str, Callable[[Json], bool]]] = {
+    "space": lambda value: value in SPACES,
+    "unit": is_text,
+    "array": is_text,
+    "intrinsics_px": lambda value: (
+        isinstance(value, list) and len(value) == 4 and all(map(_is_number, value))
+    ),
+    **dict.fromkeys(("focal_px", "baseline_m", "doffs_px"), _is_number),
+    "invalid_value": lambda value: type(value) is int and 0 <= value <= 65535,
+}

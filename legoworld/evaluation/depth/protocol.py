@@ -7,8 +7,7 @@ from typing import Any, Final
 
 from legoworld.cards import Card
 from legoworld.evaluation.pixels.family import PixelMetric
-from legoworld.records.base import to_record
-from legoworld.records.depth import DepthChoices
+from legoworld.evaluation.pixels.protocol import PixelProtocol, pixel_protocol
 
 HOLE_POLICIES: Final = ("error_1", "exclude", "far")
 PRIMARY_POLICY: Final = HOLE_POLICIES[0]
@@ -30,11 +29,8 @@ _FIXED: Final[dict[str, Any]] = {
     "scoring.metrics": [m.name for m in METRICS if m.policies == HOLE_POLICIES],
     "scoring.metrics_exclude_only": [m.name for m in METRICS if m.policies == _OF_PREDICTED],
     "scoring.aggregate": "unweighted_image_mean",
-    "scoring.resolution": "truth",
     "scoring.resample": "bilinear_in_disparity_with_mask",
     "scoring.valid_truth": "finite_and_positive",
-    "scoring.images": "track",
-    "scoring.failed_image": "left_out_and_listed",
     "scoring.camera_models": list(CAMERA_MODELS),
     "scoring.bootstrap_unit": "scene",
     "alignment.space": "disparity",
@@ -50,7 +46,6 @@ _FIXED: Final[dict[str, Any]] = {
     "alignment.warn_above_constant_fit": True,
     "holes.policies": list(HOLE_POLICIES),
     "holes.primary": PRIMARY_POLICY,
-    "holes.exclude": "not_scored",
     "holes.far": "max_valid_truth",
 }
 
@@ -71,32 +66,19 @@ _DECLARED: Final = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthProtocol:
+class DepthProtocol(PixelProtocol):
     """The card's numbers. hole_abs_rel: a hole's error under error_1."""
 
-    card: Card
-    evaluator: str
-    evaluator_version: str
-    min_valid_px: int
     delta_base: float
     hole_abs_rel: float
     failed_image_abs_rel: float
 
-    def choices(self, camera_model: str) -> DepthChoices:
-        """The choices that determine a depth number, by the last part of their card key."""
-        chosen = {key.split(".")[1]: self.card.value(key) for key in _DECLARED}
-        own = {"min_valid_px": self.min_valid_px, "camera_model": camera_model}
-        return to_record(DepthChoices, chosen | own)
-
 
 def depth_protocol(card: Card) -> DepthProtocol:
     """A card's protocol; InstallationError if a fixed value differs from the code's."""
-    card.hold_to(_FIXED)
+    common = pixel_protocol(card, fixed=_FIXED, declared=_DECLARED)
     return DepthProtocol(
-        card=card,
-        evaluator=str(card.value("scoring.evaluator")),
-        evaluator_version=str(card.value("scoring.evaluator_version")),
-        min_valid_px=int(card.value("scoring.min_valid_px")),
+        **vars(common),
         delta_base=float(card.value("scoring.delta_base")),
         hole_abs_rel=float(card.value("holes.error_1_abs_rel")),
         failed_image_abs_rel=float(card.value("scoring.failed_image_abs_rel")),

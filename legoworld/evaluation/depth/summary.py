@@ -1,50 +1,36 @@
-"""The summary of a depth evaluation: what is depth's own beside means, intervals, coverage."""
+"""What is depth's own in a summary: the constant, shares, the part of ETH3D that was attempted."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from msgspec.structs import asdict
 
 from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
-from legoworld.evaluation.depth.protocol import HOLE_POLICIES, METRICS, DepthProtocol
+from legoworld.evaluation.depth.protocol import METRICS
 from legoworld.evaluation.pixels.family import Settings
-from legoworld.evaluation.pixels.summary import common, covered, mean, means, with_missing
+from legoworld.evaluation.pixels.summary import mean, means
 from legoworld.records.base import UNSET, UnsetType
-from legoworld.records.depth import (
-    AllAttempted,
-    DepthCoverage,
-    DepthRow,
-    DepthSummary,
-    PartOfEth3d,
-    ScoredDepthRow,
-)
-from legoworld.records.evaluation_summary import Evaluator
+from legoworld.records.depth import DepthCoverage, DepthRow, PartOfEth3d, ScoredDepthRow
+from legoworld.records.evaluation_summary import Coverage
 
 
-def summarise(
-    rows: Sequence[DepthRow],
-    *,
-    kind: str,
-    partial: bool,
-    protocol: DepthProtocol,
-    settings: Settings,
-) -> DepthSummary:
-    """summary.json. rows: of every attempted image, ascending id."""
-    scored = [row for row in rows if isinstance(row, ScoredDepthRow)]
-    return DepthSummary(
-        task=protocol.card.task,
-        kind=kind,
-        partial=partial,
-        evaluator=Evaluator(name=protocol.evaluator, version=protocol.evaluator_version),
-        protocol=protocol.choices(settings.options["camera_model"]),
-        coverage=DepthCoverage(**covered(rows), eth3d=_part_of_eth3d(rows)),
-        constant=means([row.constant for row in scored], METRICS),
-        all_attempted=_all_attempted(rows, protocol),
-        mean_hole_share=mean([row.hole_share for row in scored]),
-        mean_outside_view_share=mean([row.outside_view_share for row in scored]),
-        mean_clamped_share=mean([row.clamped_share for row in scored]),
-        worse_than_constant=sum(bool(row.worse_than_constant) for row in scored),
-        **common(rows, METRICS, settings),
-    )
+def own_fields(
+    _rows: Sequence[DepthRow], scored: Sequence[ScoredDepthRow], _settings: Settings
+) -> Mapping[str, Any]:
+    """The fields of a summary that only depth has."""
+    return {
+        "constant": means([row.constant for row in scored], METRICS),
+        "mean_outside_view_share": mean([row.outside_view_share for row in scored]),
+        "mean_clamped_share": mean([row.clamped_share for row in scored]),
+        "worse_than_constant": sum(bool(row.worse_than_constant) for row in scored),
+    }
+
+
+def depth_coverage(rows: Sequence[DepthRow], coverage: Coverage) -> DepthCoverage:
+    """With how many images of ETH3D there are."""
+    return DepthCoverage(**asdict(coverage), eth3d=_part_of_eth3d(rows))
 
 
 def _part_of_eth3d(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:
@@ -56,16 +42,4 @@ def _part_of_eth3d(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:
     scenes, of = ({parse_scene_name(name) for name in some} for some in (names, whole))
     return PartOfEth3d(
         images=len(names), of_images=len(whole), scenes=len(scenes), of_scenes=len(of)
-    )
-
-
-def _all_attempted(rows: Sequence[DepthRow], protocol: DepthProtocol) -> AllAttempted:
-    """AbsRel over every image with ground truth; an unscored one counts with error 1."""
-    with_truth, given = [row for row in rows if row.has_truth], protocol.failed_image_abs_rel
-    values = with_missing(with_truth, "abs_rel", given)
-    return AllAttempted(
-        abs_rel={policy: mean(values(policy)) for policy in HOLE_POLICIES},
-        images=len(with_truth),
-        missing=sum(not row.has_score for row in with_truth),
-        missing_abs_rel=given,
     )

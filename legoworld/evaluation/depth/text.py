@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
+from legoworld.evaluation.metrics import MetricPart, metric_parts, number
+from legoworld.evaluation.pixels.text import attempted_rows, few_not_scored, not_scored
 from legoworld.evaluation.short_text import (
     bounds,
     describe_evaluator,
-    first_few,
     fraction,
     image_counts,
 )
@@ -29,12 +29,7 @@ def short_depth(summary: DepthSummary) -> str:
             for policy, value in by_policy.items()
         )
         lines.append(f"{metric}: {', '.join(shown)}")
-    few = first_few(_not_scored(summary), "image without a score", "images without a score")
-    return "\n".join([*lines, *few])
-
-
-def _not_scored(summary: DepthSummary) -> list[str]:
-    return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+    return "\n".join([*lines, *few_not_scored(summary)])
 
 
 def _of_eth3d(coverage: DepthCoverage) -> str:
@@ -51,7 +46,7 @@ def _of_eth3d(coverage: DepthCoverage) -> str:
 def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
     """Means per hole policy beside those of the constant, with intervals and denominators."""
     (part,) = metric_parts(summary)
-    groups, every = summary.bootstrap, summary.all_attempted
+    groups = summary.bootstrap
     scenes = plural(groups.groups, "scene", "scenes")
     rows = [
         replace(
@@ -61,17 +56,7 @@ def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
         )
         for row in part.rows
     ]
-    images = plural(every.images, "image", "images")
-    over = f"{images} with truth, {every.missing} of them without a score at "
-    rows += [
-        MetricRow(
-            name="abs_rel, all attempted",
-            policy=policy,
-            number=number(value),
-            over=f"{over}{every.missing_abs_rel:g}",
-        )
-        for policy, value in every.abs_rel.items()
-    ]
+    rows += attempted_rows(summary, "abs_rel")
     note = (
         "Every depth is aligned by one scale and one shift in disparity before it is scored. Holes "
         "are pixels with measured depth and no prediction: error_1 (primary) counts each as an "
@@ -97,6 +82,6 @@ def depth_notes(summary: DepthSummary) -> list[str]:
         f"{summary.resampled} resampled, {plural(summary.warnings, 'warning', 'warnings')}",
         "mean share of truth pixels: "
         + ", ".join(f"{name} {fraction(x)}" for name, x in shares.items()),
-        *_not_scored(summary),
+        *not_scored(summary),
     ]
     return lines + ["partial run: only some images of its track"] * summary.partial

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.read_depth import check_raw_float32, read_raw_float32
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
@@ -188,7 +189,7 @@ def _array(truth: Path, image: RunImage, declared: Declaration) -> DepthTruthFil
     )
 
 
-def _unknown_size(files: Eth3dFiles) -> DepthTruthError:
+def _unknown_size(files: Eth3dFiles) -> LegoWorldError:
     return DepthTruthError(
         f"the size of {files.scene}/{files.name} is not known",
         found="no dslr_calibration_jpg/cameras.txt, and the run has no image size",

@@ -1,4 +1,4 @@
-"""Angular errors: of an image, as sums that pool over images, and as metrics."""
+"""Angular errors of an image, as sums that pool over images, and as metrics."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from legoworld.records.normals import AngularErrors
 from legoworld.records.pixels import Metrics
 
 _BAND_PX: Final = 1 << 18
-_PER_DEGREE: Final = round(1.0 / RESOLUTION_DEG)
+PER_DEGREE: Final = round(1.0 / RESOLUTION_DEG)
 
 
 def angular_errors(truth: NDArray[Any], sample: Sample, n_valid: int) -> F64:
@@ -53,10 +53,10 @@ def angular_errors(truth: NDArray[Any], sample: Sample, n_valid: int) -> F64:
 
 def summed(errors_deg: F64) -> AngularErrors:
     """The sums of (n,) errors."""
-    counts = np.zeros(180 * _PER_DEGREE + 1, np.int64)
+    counts = np.zeros(180 * PER_DEGREE + 1, np.int64)
     for start in range(0, len(errors_deg), _BAND_PX):
-        bins = np.rint(errors_deg[start : start + _BAND_PX] * _PER_DEGREE).astype(np.int64)
-        counts += np.bincount(bins, minlength=len(counts))
+        part = bins_of(errors_deg[start : start + _BAND_PX])
+        counts += np.bincount(part, minlength=len(counts))
     return AngularErrors(
         n=len(errors_deg),
         sum_deg=float(errors_deg.sum()),
@@ -66,34 +66,21 @@ def summed(errors_deg: F64) -> AngularErrors:
     )
 
 
+def bins_of(errors_deg: F64) -> NDArray[np.int64]:
+    """Errors rounded to hundredths of a degree."""
+    bins: NDArray[np.int64] = np.rint(errors_deg * PER_DEGREE).astype(np.int64)
+    return bins
+
+
 def image_metrics(errors_deg: F64, sums: AngularErrors, holes: int) -> Metrics:
     """Every metric under every policy for which it is defined; the median is exact."""
     medians = {EXCLUDE: float(np.median(errors_deg))}
     filled = np.concatenate([errors_deg, np.full(holes, HOLE_DEG)]) if holes else errors_deg
     medians[ERROR_90] = float(np.median(filled)) if holes else medians[EXCLUDE]
-    return _metrics(sums.n, sums.sum_deg, sums.sum_deg2, sums.below, holes, medians)
+    return metrics_of(sums.n, sums.sum_deg, sums.sum_deg2, sums.below, holes, medians)
 
 
-def pooled_metrics(images: Sequence[AngularErrors], holes: int) -> Metrics:
-    """The metrics over all pixels of the images, at least one; the median of rounded errors."""
-    counts = np.zeros(180 * _PER_DEGREE + 1, np.int64)
-    for image in images:
-        unpacked = _unpacked(image.counts)
-        counts[: len(unpacked)] += unpacked
-    medians = {EXCLUDE: _median(counts)}
-    counts[round(HOLE_DEG * _PER_DEGREE)] += holes
-    medians[ERROR_90] = _median(counts)
-    return _metrics(
-        sum(image.n for image in images),
-        math.fsum(image.sum_deg for image in images),
-        math.fsum(image.sum_deg2 for image in images),
-        [sum(image.below[k] for image in images) for k in range(len(THRESHOLDS_DEG))],
-        holes,
-        medians,
-    )
-
-
-def _metrics(
+def metrics_of(
     n: int,
     sum_deg: float,
     sum_deg2: float,
@@ -101,6 +88,7 @@ def _metrics(
     holes: int,
     medians: Mapping[str, float],
 ) -> Metrics:
+    """Every metric under every policy; medians: of the errors, by policy."""
     every = n + holes
     mean, median, rmse = ANGLES
     found: Metrics = {
@@ -116,14 +104,6 @@ def _metrics(
     return found
 
 
-def _median(counts: NDArray[np.int64]) -> float:
-    """The median of errors by their counts; the mean of the middle two of an even number."""
-    ends = np.cumsum(counts)
-    n = int(ends[-1])
-    middle = np.searchsorted(ends, [(n - 1) // 2, n // 2], side="right")
-    return float(middle.sum()) / (2 * _PER_DEGREE)
-
-
 def _packed(counts: Sequence[int]) -> Iterator[int]:
     """Counts with each run of zeros as its negative length."""
     for is_zero, run in groupby(counts, key=lambda count: count == 0):
@@ -132,9 +112,3 @@ def _packed(counts: Sequence[int]) -> Iterator[int]:
             yield -len(values)
         else:
             yield from values
-
-
-def _unpacked(packed: Sequence[int]) -> NDArray[np.int64]:
-    values = np.array(packed, np.int64)
-    lengths = np.where(values < 0, -values, 1)
-    return np.repeat(np.maximum(values, 0), lengths)

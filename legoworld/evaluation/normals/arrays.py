@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,8 +12,8 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
-from legoworld.errors import cause
 from legoworld.evaluation.normals.errors import NormalsTruthError
+from legoworld.evaluation.pixels.declaration import is_text, read_declared
 from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored
 from legoworld.evaluation.pixels.labelled import (
     agreed,
@@ -23,15 +22,14 @@ from legoworld.evaluation.pixels.labelled import (
     picture_name,
     text_label,
 )
-from legoworld.files import utf8_text
 from legoworld.readouts.normals import NORMALS_FILE
 
 DECLARATION: Final = "normals.toml"
 TOWARDS: Final = NORMALS_FILE.labels["sign"]
 SIGNS: Final = (TOWARDS, "away_from_camera")
 VALUES: Final = "values"
-_SUFFIXES: Final = (".npz", ".npy", ".png")
-_LABELS: Final = ("sign", "kind", "format_version")
+_SUFFIXES: Final = (".npz", ".npy", ".exr", ".png")
+_LABELS: Final = ("sign", "format_version")
 _SHORTEST: Final = 0.5
 
 
@@ -85,28 +83,19 @@ def unit_vectors(values: NDArray[Any]) -> F64:
 
 def read_declaration(folder: Path) -> Declaration:
     """The folder's normals.toml; an empty declaration without one. NormalsTruthError if invalid."""
-    path = folder / DECLARATION
-    if not path.is_file():
-        return Declaration()
-    try:
-        values = tomllib.loads(utf8_text(path.read_bytes()))
-    except (OSError, ValueError, RecursionError) as error:
-        raise NormalsTruthError(f"{DECLARATION} cannot be read", found=cause(error)) from error
-    fits = {"sign": lambda value: value in SIGNS, "array": lambda value: isinstance(value, str)}
-    for key, value in values.items():
-        if key not in fits or not fits[key](value):
-            raise NormalsTruthError(
-                f"{DECLARATION} has an unknown key or value",
-                found=f"{key} = {value!r}",
-                expected=f"sign = {' | '.join(SIGNS)}, and array, a name inside the .npz files",
-            )
+    values = read_declared(
+        folder / DECLARATION,
+        {"sign": lambda value: value in SIGNS, "array": is_text},
+        expected=f"sign = {' | '.join(SIGNS)}, and array, a name inside the .npz files",
+        error=NormalsTruthError,
+    )
     return Declaration(**values)
 
 
 def read_normals(
     path: Path, declared: Declaration, check_size: SizeCheck | None = None
 ) -> NormalsArray:
-    """An .npz, .npy or 8- or 16-bit PNG of normals. DepthFileError if it is unusable.
+    """An .npz, .npy, .exr or 8- or 16-bit PNG of normals. DepthFileError if it is unusable.
 
     The sign is the .npz file's own text `sign`, else the declared one; without either the file is
     refused. A PNG holds (n + 1) / 2 of its range in the channels red, green, blue, and 0, 0, 0
@@ -127,7 +116,7 @@ def read_normals(
             sign = agreed("sign", text_label(contents.labels, "sign", path), sign, path)
             values = read_npz_array(path, name, check_size, channels=3)
         else:
-            values, _ = read_picture(path, check_size=check_size, channels=3)
+            values, name = read_picture(path, check_size=check_size, channels=3)
         stored = Stored(array=name, dtype=str(values.dtype), shape=values.shape)
         values = _vectors(values, path)
     if sign not in SIGNS:

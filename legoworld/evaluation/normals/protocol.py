@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 from legoworld.cards import Card
 from legoworld.evaluation.normals.arrays import SIGNS
 from legoworld.evaluation.pixels.family import PixelMetric
-from legoworld.records.base import to_record
-from legoworld.records.normals import NormalsChoices
+from legoworld.evaluation.pixels.protocol import PixelProtocol, pixel_protocol
 
 THRESHOLDS_DEG: Final = (5.0, 7.5, 11.25, 22.5, 30.0)
 SHARES: Final = ("below_5", "below_7_5", "below_11_25", "below_22_5", "below_30")
@@ -17,7 +15,7 @@ ANGLES: Final = ("mean_deg", "median_deg", "rmse_deg")
 #: Of a pixel without a prediction: an error of 90 degrees, left out, or in no share.
 ERROR_90, EXCLUDE, FAILS = HOLE_POLICIES = ("error_90", "exclude", "fails")
 HOLE_DEG: Final = 90.0
-#: Of the pooled median, which is found by counting.
+#: Of the counts of errors, which say where the pooled median lies.
 RESOLUTION_DEG: Final = 0.01
 
 METRICS: Final = (
@@ -49,54 +47,28 @@ _FIXED: Final[dict[str, Any]] = {
     "scoring.metrics": [*ANGLES, *SHARES],
     "scoring.thresholds_deg": list(THRESHOLDS_DEG),
     "scoring.aggregate": "pooled_pixels_and_unweighted_image_mean",
-    "scoring.pooled_median_resolution_deg": RESOLUTION_DEG,
-    "scoring.resolution": "truth",
+    "scoring.pooled_median": "exact",
     "scoring.resample": "bilinear_with_mask",
     "scoring.valid_truth": "length_above_half",
-    "scoring.images": "track",
-    "scoring.failed_image": "left_out_and_listed",
     "scoring.failed_image_mean_deg": HOLE_DEG,
     "scoring.bootstrap_unit": "image",
     "holes.policies": list(HOLE_POLICIES),
     "holes.primary": ERROR_90,
     "holes.error_90": HOLE_DEG,
-    "holes.exclude": "not_scored",
     "holes.fails": "in_no_share",
 }
 #: Declared choices that are copied from the card into the summary.
 _DECLARED: Final = (
     "scoring.aggregate",
-    "scoring.pooled_median_resolution_deg",
+    "scoring.pooled_median",
     "scoring.resolution",
     "scoring.resample",
     "scoring.valid_truth",
-    "scoring.min_valid_px",
     "holes.policies",
     "holes.primary",
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class NormalsProtocol:
-    """The card's numbers."""
-
-    card: Card
-    evaluator: str
-    evaluator_version: str
-    min_valid_px: int
-
-    def choices(self) -> NormalsChoices:
-        """The choices that determine a number, by the last part of their card key."""
-        chosen = {key.split(".")[1]: self.card.value(key) for key in _DECLARED}
-        return to_record(NormalsChoices, chosen)
-
-
-def normals_protocol(card: Card) -> NormalsProtocol:
+def normals_protocol(card: Card) -> PixelProtocol:
     """A card's protocol; InstallationError if a fixed value differs from the code's."""
-    card.hold_to(_FIXED)
-    return NormalsProtocol(
-        card=card,
-        evaluator=str(card.value("scoring.evaluator")),
-        evaluator_version=str(card.value("scoring.evaluator_version")),
-        min_valid_px=int(card.value("scoring.min_valid_px")),
-    )
+    return pixel_protocol(card, fixed=_FIXED, declared=_DECLARED)

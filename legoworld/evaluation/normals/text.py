@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
-from legoworld.evaluation.normals.protocol import ANGLES, ERROR_90, FAILS, RESOLUTION_DEG
-from legoworld.evaluation.short_text import describe_evaluator, first_few, fraction, image_counts
+from legoworld.evaluation.normals.protocol import ANGLES, ERROR_90, FAILS
+from legoworld.evaluation.pixels.text import attempted_rows, few_not_scored, not_scored
+from legoworld.evaluation.short_text import describe_evaluator, fraction, image_counts
 from legoworld.pluralize import plural
 from legoworld.records.normals import NormalsSummary
 
@@ -18,8 +19,7 @@ def short_normals(summary: NormalsSummary) -> str:
         f"{describe_evaluator(summary)}: {image_counts(summary.coverage)}",
         f"{plural(summary.pooled_px, 'pixel', 'pixels')} pooled: {', '.join([*angles, *shares])}",
     ]
-    few = first_few(_not_scored(summary), "image without a score", "images without a score")
-    return "\n".join([*lines, *few])
+    return "\n".join([*lines, *few_not_scored(summary)])
 
 
 def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
@@ -39,22 +39,16 @@ def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
         "The angle between prediction and ground truth over all valid pixels of the scored images, "
         "in degrees, and the shares strictly below 5, 7.5, 11.25, 22.5 and 30 degrees. Holes are "
         "pixels with a measured normal and no prediction: error_90 (primary) counts each as 90 "
-        "degrees, fails counts it in no share, exclude leaves it out. median_deg is of errors "
-        f"rounded to {RESOLUTION_DEG:g} degrees."
+        "degrees, fails counts it in no share, exclude leaves it out."
     )
     (means,) = metric_parts(summary)
-    every = summary.all_attempted
-    images = plural(every.images, "image", "images")
-    over = f"{images} with truth, {every.missing} of them without a score at {every.missing_deg:g}"
-    rows = [
-        MetricRow(
-            name=f"{ANGLES[0]}, all attempted", policy=policy, number=number(value), over=over
-        )
-        for policy, value in every.mean_deg.items()
-    ]
     return [
         MetricPart(title="All pixels pooled", rows=pooled, note=note),
-        MetricPart(title="Means over images", rows=[*means.rows, *rows], note=""),
+        MetricPart(
+            title="Means over images",
+            rows=[*means.rows, *attempted_rows(summary, ANGLES[0])],
+            note="",
+        ),
     ]
 
 
@@ -65,14 +59,10 @@ def normals_notes(summary: NormalsSummary) -> list[str]:
         f"images: {by_status}; {summary.resampled} resampled, "
         f"{plural(summary.warnings, 'warning', 'warnings')}",
         f"mean share of truth pixels that are holes: {fraction(summary.mean_hole_share)}",
-        *_not_scored(summary),
+        *not_scored(summary),
     ]
     return lines + ["partial run: only some images of its track"] * summary.partial
 
 
 def _degrees(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
-
-
-def _not_scored(summary: NormalsSummary) -> list[str]:
-    return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]

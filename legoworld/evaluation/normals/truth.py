@@ -29,12 +29,20 @@ class NormalsTruthFile:
     calibration: tuple[Path, ...] = ()
 
 
+def file_stems(photo: str) -> tuple[str, ...]:
+    """What the normals of a photo may be called: X_normal beside X_img or X, or its own name.
+
+    The first are those of DSINE's evaluation sets and of DIODE, which keep them beside the photos.
+    """
+    return f"{photo.removesuffix('_img')}_normal", f"{photo}_normal", photo
+
+
 def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[NormalsTruthFile, ...]:
     """The ground truth of every image, in image order. NormalsTruthError where one has none."""
     declared = read_declaration(truth)
 
     def find(image: RunImage) -> NormalsTruthFile | None:
-        path = array_of(truth, image, noun="normals", error=NormalsTruthError)
+        path = array_of(truth, image, noun="normals", error=NormalsTruthError, stems=file_stems)
         return NormalsTruthFile(path=path, declared=declared) if path else None
 
     return truth_of_all(

@@ -3,37 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from legoworld.cards import load_card
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.family import EvaluationRequest
-from legoworld.evaluation.pixels.family import Options, PixelFamily, Settings, TruthFile
-from legoworld.evaluation.pixels.image_tasks import image_tasks, scored_images
+from legoworld.evaluation.pixels.family import (
+    Options,
+    PixelFamily,
+    SecondReading,
+    Settings,
+    TruthFile,
+)
+from legoworld.evaluation.pixels.image_tasks import ImageTask, image_tasks, scored_images
 from legoworld.evaluation.pixels.predictions import PixelRun, read_pixel_run
+from legoworld.evaluation.pixels.summary import summarise
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
-from legoworld.records.folders.evaluation_folder import Evaluation, write_evaluation
+from legoworld.records.folders.evaluation_folder import (
+    Evaluation,
+    installed_versions,
+    write_evaluation,
+)
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.pixels import PixelRow
 
 
-def evaluate_pixels(family: PixelFamily, request: EvaluationRequest, options: Options) -> Any:
+def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     """Score a run and write the evaluation folder; return its summary.
 
     Each worker of the pool has one image in memory. Raises before scoring if run, ground truth,
     options and output do not fit together; an error of one prediction is recorded in that image's
     row.
     """
+    options = {**family.options, **request.options}
     settings = Settings(options=options, draws=request.draws, seed=request.seed)
     truth = request.truth.absolute()
     run = read_pixel_run(request.run.absolute(), family)
-    protocol = family.protocol(run.run.task)
+    protocol = family.protocol(load_card(run.run.task))
     files = family.find_truth(truth, [image.image for image in run.images])
     check_draws(settings.draws, settings.seed)
     family.check(run, files, options)
-    configuration = family.configuration(protocol, settings)
+    configuration = family.records.configuration(
+        task=protocol.card.task,
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        draws=settings.draws,
+        seed=settings.seed,
+        **options,
+    )
     inputs = prepared_inputs(
         request.output,
         _inputs(run, truth / family.declaration, files),
@@ -50,18 +72,53 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest, options: Op
         if result.view is not None:
             views[f"{task.image.image.image_id}.json"] = result.view
         request.progress(result.row)
-    summary = family.summarise(
-        rows, kind=run.kind, partial=run.run.partial, protocol=protocol, settings=settings
+    if family.again is not None:
+        more = _read_again(family.again, tasks, rows, request)
+        settings = replace(settings, options={**options, **more})
+    summary = summarise(
+        family, rows, kind=run.kind, partial=run.run.partial, protocol=protocol, settings=settings
     )
+    evidence = family.records.evidence
+    said = {
+        name: getattr(summary, name)
+        for name in evidence.__struct_fields__
+        if name in summary.__struct_fields__ and name != "kind"
+    }
     evaluation = Evaluation(
         summary=summary,
-        evidence=family.evidence(summary, configuration),
+        evidence=evidence(
+            versions=installed_versions(),
+            inputs=(),
+            files={},
+            configuration=configuration,
+            **said,
+        ),
         inputs=inputs,
         per_image=rows,
         view=views,
     )
     write_evaluation(request.output, evaluation, overwrite=request.overwrite)
     return summary
+
+
+def _read_again(
+    again: SecondReading,
+    tasks: Sequence[ImageTask],
+    rows: Sequence[PixelRow],
+    request: EvaluationRequest,
+) -> Options:
+    """What a second reading of the scored images says of the summary."""
+    scored = [row for row in rows if row.has_score]
+    asked = again.question(scored)
+    taken = [
+        replace(task, options={**task.options, **asked})
+        for task, row in zip(tasks, rows, strict=True)
+        if row.has_score
+    ]
+    results = list(scored_images(taken, request.pool))
+    if any(result.view is None for result in results):
+        raise LegoWorldError("a file of the run or of the ground truth changed while it was scored")
+    return again.conclude(scored, [result.view for result in results])
 
 
 def _inputs(run: PixelRun, declaration: Path, files: Sequence[TruthFile]) -> list[tuple[str, Path]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from legoworld.cards import Card
 from legoworld.depth_files.headers import SizeCheck
-from legoworld.errors import LegoWorldError
+from legoworld.evaluation.pixels.errors import PixelErrors
+from legoworld.evaluation.pixels.protocol import PixelProtocol
+from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.comparison import Better
-from legoworld.records.evidence import EvaluationEvidence
-from legoworld.records.pixels import PixelRow
+from legoworld.records.evaluation_summary import Coverage
+from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
+from legoworld.records.pixels import PixelRow, PixelSummary
 from legoworld.records.run_rows import RunImage
 from legoworld.tasks.task import Family
 
@@ -27,7 +30,7 @@ F64 = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 #: The parameters that only some families take, such as a camera model.
-Options = Mapping[str, Any]
+Options = Mapping[str, Json]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,20 +62,6 @@ class PixelArray(Protocol):
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
-        ...
-
-
-class PixelProtocol(Protocol):
-    """What a task's card declares. min_valid_px: fewer in truth or prediction are not scored."""
-
-    @property
-    def card(self) -> Card:
-        """The card."""
-        ...
-
-    @property
-    def min_valid_px(self) -> int:
-        """Fewer pixels in truth or prediction are not scored."""
         ...
 
 
@@ -146,20 +135,6 @@ def metric_policies(metrics: Sequence[PixelMetric]) -> list[tuple[str, str]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PixelErrors:
-    """The errors of a family, each with its own code.
-
-    truth: of ground truth, which ends scoring; prediction, missing: of a file that is unusable, or
-    not there; unseen: of a machine that does not see the same files as the command.
-    """
-
-    truth: type[LegoWorldError]
-    prediction: type[LegoWorldError]
-    missing: type[LegoWorldError]
-    unseen: type[LegoWorldError]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Measuring:
     """One image with a prediction, to be measured. row: with all that is known before."""
 
@@ -171,6 +146,44 @@ class Measuring:
     options: Options
 
 
+def _usual(_rows: Sequence[PixelRow], coverage: Coverage) -> Coverage:
+    """No more than every family says."""
+    return coverage
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelRecords:
+    """The types of a family's files. choices, attempted: of parts of its summary.
+
+    coverage: of every attempted row, from the usual one.
+    """
+
+    summary: Callable[..., PixelSummary]
+    choices: type[Any]
+    attempted: Callable[..., Any]
+    configuration: Callable[..., ScoreConfiguration]
+    evidence: type[EvaluationEvidence]
+    coverage: Callable[[Sequence[Any], Coverage], Coverage] = _usual
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondReading:
+    """What only arrays can say, of which the rows of all images say what is to be asked.
+
+    question: options that are measured with, from the scored rows; the answer is in the view's
+    place. conclude: options of the summary, from these rows and the answers; recall: those that a
+    summary was made with.
+    """
+
+    question: Callable[[Sequence[Any]], Options]
+    conclude: Callable[[Sequence[Any], Sequence[Any]], Options]
+    recall: Callable[[Any], Options]
+
+
+def _fits(_run: PixelRun, _files: Sequence[TruthFile], _options: Options) -> None:
+    """Every option fits to every run and truth."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PixelFamily:
     """How answers of one array for each image are scored.
@@ -178,16 +191,19 @@ class PixelFamily:
     Every function is a module's own, so that workers can take this value. noun: what the array is,
     in a sentence; stored: how a run keeps it; row: the type of a row without numbers.
 
-    metrics, primary: in display order, and the policy that headlines follow.
-    protocol: a task's, from its card; valid: mask of the values of truth that count.
+    metrics, primary: in display order, and the policy that headlines follow. missing: the first
+    metric's value of an image without a score, by the protocol.
+    options: the family's own parameters, by name with their defaults.
+    protocol: of a task's card; valid: mask of the values of truth that count.
     group: what is drawn with an image, by its file name.
     find_truth: of every image, below a folder; load_truth: one of them; truth_of: an array in
     memory. read: a file of a run, its size checked before it is read; array: one in memory, as
     readouts have it.
     measure: an image's row with numbers, and its view.
     check: refuses options that do not fit to run and truth; declaration: the file of a truth folder
-    that says what its arrays are. summarise, configuration, evidence: records of the family.
-    options_of: those that a summary was made with.
+    that says what its arrays are. again: what is read of the arrays once all are measured.
+    records: types of the files; choices: of the summary's protocol. own: fields of the summary that
+    are the family's own, from the rows, the scored ones, and the settings.
     """
 
     family: Family
@@ -197,18 +213,19 @@ class PixelFamily:
     errors: PixelErrors
     metrics: tuple[PixelMetric, ...]
     primary: str
+    missing: Callable[[PixelProtocol], float]
     declaration: str
-    protocol: Callable[[str], PixelProtocol]
+    protocol: Callable[[Card], PixelProtocol]
     valid: Callable[[NDArray[Any]], Mask]
-    group: Callable[[str], str]
     find_truth: Callable[[Path, Sequence[RunImage]], tuple[Any, ...]]
     load_truth: Callable[[Any], PixelTruth]
     truth_of: Callable[[NDArray[Any]], PixelTruth]
     read: Callable[[Path, SizeCheck | None], PixelArray]
     array: Callable[[NDArray[Any]], PixelArray]
     measure: Callable[[Measuring], ImageResult]
-    check: Callable[[PixelRun, Sequence[Any], Options], None]
-    summarise: Callable[..., Any]
-    configuration: Callable[[Any, Settings], Any]
-    evidence: Callable[[Any, Any], EvaluationEvidence]
-    options_of: Callable[[Any], Options]
+    records: PixelRecords
+    own: Callable[[Sequence[Any], Sequence[Any], Settings], Mapping[str, Any]]
+    group: Callable[[str], str] = str
+    options: Options = field(default_factory=dict)
+    check: Callable[[PixelRun, Sequence[Any], Options], None] = _fits
+    again: SecondReading | None = None

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.cards import load_card
 from legoworld.errors import UsageError
 from legoworld.evaluation.family import LiveAnswers, LiveFamily, LiveTruth, Scores
 from legoworld.evaluation.pixels.family import Options, PixelFamily, PixelTruth
@@ -39,10 +40,10 @@ def live_pixels(family: PixelFamily, options: Options) -> LiveFamily:
             image = RunImage(image_id=i, file_name=str(i), status="ok")
             rows.append(score_values(image, given[i], truths[i], family, task, options).row)
         values = means([row.scores for row in rows if row.scores], family.metrics)
-        protocol: Any = family.protocol(task)
+        evaluator = family.protocol(load_card(task)).evaluator
         return Scores(
             task=task,
-            evaluator=f"{protocol.evaluator} {protocol.evaluator_version}",
+            evaluator=f"{evaluator.name} {evaluator.version}",
             n_images=len(rows),
             metrics={
                 name: by_policy.get(family.primary, next(iter(by_policy.values())))

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from legoworld.cards import load_card
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.pixels.family import (
@@ -41,7 +42,7 @@ def score_row(
     def load(check: SizeCheck) -> PixelArray:
         return load_prediction(image, family, check)
 
-    if row.n_valid >= family.protocol(task).min_valid_px and image.image.status != "ok":
+    if row.n_valid >= family.protocol(load_card(task)).min_valid_px and image.image.status != "ok":
         return ImageResult(row=replace(row, status=image.image.status, reason=image.reason))
     return _measured(row, truth, file, load, family, task, options)
 
@@ -68,7 +69,7 @@ def _measured(
     task: str,
     options: Options,
 ) -> ImageResult:
-    protocol = family.protocol(task)
+    protocol = family.protocol(load_card(task))
     needed = protocol.min_valid_px
     if row.n_valid < needed:
         reason = f"{row.n_valid} valid truth pixels, {needed} are needed"

@@ -1,48 +1,56 @@
-"""Means over images, intervals over scenes, denominators: what summaries of pixels share."""
+"""Summaries: means over images, intervals over scenes, denominators."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import Any, TypedDict
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, resampled_means
-from legoworld.evaluation.pixels.family import PixelMetric, Settings, metric_policies
-from legoworld.records.evaluation_summary import Interval, NotScored
+from legoworld.evaluation.pixels.family import (
+    PixelFamily,
+    PixelMetric,
+    Settings,
+    metric_policies,
+)
+from legoworld.evaluation.pixels.protocol import PixelProtocol
+from legoworld.records.base import UNSET, to_record
+from legoworld.records.evaluation_summary import Coverage, Interval, NotScored
 from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow
 
 
-class Common(TypedDict):
-    """The fields that every summary of pixels has, besides those of its card."""
-
-    metrics: Means
-    intervals: dict[str, dict[str, Interval]]
-    bootstrap: PixelBootstrap
-    resampled: int
-    not_scored: tuple[NotScored, ...]
-    warnings: int
-
-
-class Covered(TypedDict):
-    """The fields of every coverage."""
-
-    attempted: int
-    scored: int
-    with_truth: int
-    by_status: dict[str, int]
-
-
-def common(rows: Sequence[PixelRow], metrics: Sequence[PixelMetric], settings: Settings) -> Common:
-    """Means, intervals and what has no score. rows: of every attempted image, ascending id."""
-    bootstrap, intervals = _intervals(rows, metrics, settings)
-    return Common(
-        metrics=means([row.scores for row in rows if row.scores], metrics),
+def summarise(
+    family: PixelFamily,
+    rows: Sequence[PixelRow],
+    *,
+    kind: str,
+    partial: bool,
+    protocol: PixelProtocol,
+    settings: Settings,
+) -> Any:
+    """summary.json of a family. rows: of every attempted image, ascending id."""
+    scored = [row for row in rows if row.has_score]
+    bootstrap, intervals = _intervals(rows, family.metrics, settings)
+    records = family.records
+    options = {name: settings.options[name] for name in family.options}
+    return records.summary(
+        task=protocol.card.task,
+        kind=kind,
+        partial=partial,
+        evaluator=protocol.evaluator,
+        protocol=to_record(records.choices, protocol.choices | options),
+        coverage=records.coverage(rows, _covered(rows)),
+        metrics=means([row.scores for row in scored if row.scores], family.metrics),
         intervals=intervals,
         bootstrap=bootstrap,
-        resampled=sum(bool(row.resampled) for row in rows if row.has_score),
+        all_attempted=records.attempted(
+            **_attempted(rows, family.metrics[0], family.missing(protocol))
+        ),
+        mean_hole_share=mean([row.hole_share for row in scored if row.hole_share is not UNSET]),
+        resampled=sum(bool(row.resampled) for row in scored),
         not_scored=tuple(
             NotScored(
                 image_id=row.image_id,
@@ -54,17 +62,32 @@ def common(rows: Sequence[PixelRow], metrics: Sequence[PixelMetric], settings: S
             if not row.has_score
         ),
         warnings=sum(len(row.warnings) for row in rows),
+        **family.own(rows, scored, settings),
     )
 
 
-def covered(rows: Sequence[PixelRow]) -> Covered:
+def _covered(rows: Sequence[PixelRow]) -> Coverage:
     """Images by outcome."""
-    return Covered(
+    return Coverage(
         attempted=len(rows),
         scored=sum(row.has_score for row in rows),
         with_truth=sum(row.has_truth for row in rows),
         by_status=dict(sorted(Counter(row.status for row in rows).items())),
     )
+
+
+def _attempted(rows: Sequence[PixelRow], metric: PixelMetric, given: float) -> dict[str, Any]:
+    """A metric over every image with truth, where one without a score has a given value."""
+    with_truth, name = [row for row in rows if row.has_truth], metric.name
+    return {
+        name: {
+            policy: mean([row.scores[name][policy] if row.scores else given for row in with_truth])
+            for policy in metric.policies
+        },
+        "images": len(with_truth),
+        "missing": sum(not row.has_score for row in with_truth),
+        f"missing_{name}": given,
+    }
 
 
 def means(of_images: Sequence[Metrics], metrics: Sequence[PixelMetric]) -> Means:
@@ -78,13 +101,6 @@ def means(of_images: Sequence[Metrics], metrics: Sequence[PixelMetric]) -> Means
 def mean(values: Sequence[float]) -> float | None:
     """The mean in float64; None of nothing."""
     return float(np.mean(np.array(values, np.float64))) if values else None
-
-
-def with_missing(
-    rows: Sequence[PixelRow], metric: str, given: float
-) -> Callable[[str], list[float]]:
-    """A metric's values under a policy, an image without a score counting as `given`."""
-    return lambda policy: [row.scores[metric][policy] if row.scores else given for row in rows]
 
 
 def unit_of(rows: Sequence[PixelRow]) -> Any:

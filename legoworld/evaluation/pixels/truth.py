@@ -50,10 +50,19 @@ def truth_of_all(
 
 
 def array_of(
-    truth: Path, image: RunImage, *, noun: str, error: type[LegoWorldError]
+    truth: Path,
+    image: RunImage,
+    *,
+    noun: str,
+    error: type[LegoWorldError],
+    stems: Callable[[str], Sequence[str]] = lambda stem: (stem,),
 ) -> Path | None:
-    """The one array named like a photo; None without one, the error for several."""
-    files = files_named(truth / photo_stem(image.file_name))
+    """The one array named like a photo; None without one, the error for several.
+
+    stems: of a photo's path without extension the names, the first that there is.
+    """
+    names = stems(photo_stem(image.file_name))
+    files = next((found for name in names if (found := files_named(truth / name))), [])
     if len(files) > 1:
         raise error(
             f"{image.file_name} has more than one ground-truth file",

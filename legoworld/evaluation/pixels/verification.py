@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, cast
 
+from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.agreement import agreement
 from legoworld.evaluation.checks import Check, find_input
@@ -15,9 +16,10 @@ from legoworld.evaluation.family import RecordedEvaluation
 from legoworld.evaluation.pixels.family import Options, PixelFamily, Settings, TruthFile
 from legoworld.evaluation.pixels.predictions import read_pixel_run
 from legoworld.evaluation.pixels.rows import score_row
+from legoworld.evaluation.pixels.summary import summarise
 from legoworld.records.base import as_json
 from legoworld.records.folders.read_evaluation import SUMMARY
-from legoworld.records.pixels import PixelSummary
+from legoworld.records.pixels import PixelRow
 from legoworld.records.run_rows import RunImage
 
 #: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
@@ -26,15 +28,19 @@ SCORED_AGAIN: Final = 10
 
 def verify_pixels(family: PixelFamily, recorded: RecordedEvaluation) -> Iterator[Check]:
     """Compare the summary with that recomputed from the rows, and rows with those of the arrays."""
-    summary = cast("PixelSummary", recorded.summary)
-    options = family.options_of(summary)
+    summary: Any = recorded.summary
+    options: Options = {name: getattr(summary.protocol, name) for name in family.options}
+    recalled = family.again.recall(summary) if family.again else {}
     bootstrap = summary.bootstrap
-    again = family.summarise(
-        recorded.rows,
+    again = summarise(
+        family,
+        cast("Sequence[PixelRow]", recorded.rows),
         kind=str(summary.kind),
         partial=summary.partial,
-        protocol=family.protocol(summary.task),
-        settings=Settings(options=options, draws=bootstrap.draws, seed=bootstrap.seed),
+        protocol=family.protocol(load_card(summary.task)),
+        settings=Settings(
+            options={**options, **recalled}, draws=bootstrap.draws, seed=bootstrap.seed
+        ),
     )
     # All that the file says: a key that no reader knows follows from no row.
     made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())

@@ -24,8 +24,8 @@ export function scoreLine(cell, n_truth, label) {
     parts.push(cell.answered + " of " + counted(n_truth, "question", "questions") + " answered; accuracy ",
       el("b", {}, [fixed(cell.accuracy)]));
   } else {
-    parts.push("AbsRel ", el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1, 4) : "-"]),
-      ", a constant " + fixed(cell.constant, 4) +
+    parts.push(cell.metric + " ", el("b", {}, [fixed(cell.score, 4)]),
+      (cell.constant === undefined ? "" : ", a constant " + fixed(cell.constant, 4)) +
       (cell.holes === null ? "" : ", holes " + (100 * cell.holes).toFixed(1) + " %"));
   }
   return el("p", { class: "score-line" }, parts);

@@ -23,7 +23,7 @@ function quality(row, k) {
   if (cell.valid !== undefined) { return cell.S === null ? cell.R : cell.S; }
   if (cell.quality !== undefined) { return cell.quality; }
   if (cell.accuracy !== undefined) { return cell.accuracy; }
-  return cell.abs_rel ? -cell.abs_rel.error_1 : null;
+  return cell.score === null ? null : -cell.score;
 }
 
 /* Which side has the better quality: "0", "1", ... or "tie"; a side without a score loses. */
@@ -43,7 +43,7 @@ function winner(row) {
  * @returns {[string, string, ((row: PhotoRow) => any) | null][]}
  */
 export function orders(section) {
-  const depth = section.family === "depth";
+  const pixels = Boolean(section.pixels);
   const many = section.sides.length > 1;
   const cell = (r, k) => /** @type {any} */ (r.cells[k]);
   /** @type {[string, string, ((row: PhotoRow) => any) | null][]} */
@@ -56,7 +56,7 @@ export function orders(section) {
       found.push(["r" + k, "lowest R" + of, (r) => cell(r, k).R], ["a" + k, "lowest A" + of, (r) => cell(r, k).A]);
     } else if (section.images.some((r) => cell(r, k).counts)) {
       return;
-    } else if (depth) {
+    } else if (pixels) {
       found.push(["-hole" + k, "most holes" + of, (r) => cell(r, k).holes]);
     } else if (section.family !== "relations") {
       found.push(["-fn" + k, "most missed" + of, (r) => cell(r, k).fn]);
@@ -71,7 +71,7 @@ export function orders(section) {
     found.push(["gap", section.sides[0].label + " loses most", gap]);
     found.push(["-gap", section.sides[0].label + " wins most", gap]);
   }
-  found.push(["-truth", depth ? "most valid pixels" : "most objects", (r) => r.n_truth]);
+  found.push(["-truth", pixels ? "most valid pixels" : "most objects", (r) => r.n_truth]);
   found.push(["file", "file name", (r) => r.file_name]);
   return found;
 }
@@ -173,7 +173,7 @@ function markOf(cell, label) {
   } else if (cell.counts) {
     parts.push(el("b", {}, [fixed(cell.quality, 2)]), " " + cell.metric);
   } else if (cell.quality === undefined) {
-    parts.push(el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1) : "-"]), " AbsRel");
+    parts.push(el("b", {}, [fixed(cell.score)]), " " + cell.metric);
   } else {
     parts.push(el("b", { title: "quality" }, [fixed(cell.quality, 2)]),
       count("tp", cell.tp), count("fp", cell.fp), count("fn", cell.fn));

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from legoworld.errors import NoMeshError
 from legoworld.scene.blender.alpha_table import AlphaTable, Cut
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     import bpy
 
 
-def snapshot_of_blend(path: Path, *, any_camera: bool = False) -> Snapshot:
+def snapshot_of_blend(
+    path: Path, *, any_camera: bool = False, corner_normals: bool = False
+) -> Snapshot:
     """Open a .blend and copy its render state. Raises the SceneInvalidErrors of `errors`.
 
     any_camera: give a scene without an active camera one of Blender's default settings.
@@ -35,10 +38,10 @@ def snapshot_of_blend(path: Path, *, any_camera: bool = False) -> Snapshot:
     opened = open_blend(path)
     if any_camera:
         add_missing_camera(opened.scene)
-    return snapshot_of_open(opened)
+    return snapshot_of_open(opened, corner_normals=corner_normals)
 
 
-def snapshot_of_open(opened: OpenFile) -> Snapshot:
+def snapshot_of_open(opened: OpenFile, *, corner_normals: bool = False) -> Snapshot:
     """`snapshot_of_blend` of a file that is open. Changes its render settings."""
     scene, warnings = opened.scene, opened.warnings
     if opened.n_scenes > 1:
@@ -54,11 +57,13 @@ def snapshot_of_open(opened: OpenFile) -> Snapshot:
 
     def copy(graph: bpy.types.Depsgraph) -> None:
         seen_by = scene_camera(graph.scene_eval)
-        copied.append((walk(graph, seen_by), (seen_by, *scene_cameras(graph))))
+        copied.append(
+            (walk(graph, seen_by, corner_normals=corner_normals), (seen_by, *scene_cameras(graph)))
+        )
 
     visit_render_state(scene, copy)
     walked, cameras = copied[0]
-    return _assemble(walked, cameras, render, scene, warnings)
+    return _assemble(walked, cameras, render, scene, warnings, corner_normals=corner_normals)
 
 
 def _assemble(
@@ -67,6 +72,8 @@ def _assemble(
     render: RenderSettings,
     scene: bpy.types.Scene,
     warnings: list[str],
+    *,
+    corner_normals: bool,
 ) -> Snapshot:
     if not walked.meshes:
         raise NoMeshError(
@@ -94,7 +101,14 @@ def _assemble(
         triangle_start=np.cumsum([0] + [len(m.triangles) for m in meshes], dtype=np.int64),
         **arrays,
         **_cutouts(walked.alphas, meshes),
+        corner_normal=np.concatenate([_normals_of(m) for m in meshes]) if corner_normals else None,
     )
+
+
+def _normals_of(mesh: CopiedMesh) -> NDArray[np.float32]:
+    if mesh.corner_normal is None:
+        return np.zeros((len(mesh.triangles), 3, 3), np.float32)
+    return mesh.corner_normal
 
 
 def _cutouts(alphas: AlphaTable, meshes: list[CopiedMesh]) -> dict[str, Any]:

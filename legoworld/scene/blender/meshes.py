@@ -48,11 +48,13 @@ class CopiedMesh:
     """One mesh as it shows, in its own frame: faces that alpha removes are left out.
 
     vertices: (V, 3) float32; triangles: (T, 3) int32. cuts: None where no triangle has one.
+    corner_normal: (T, 3, 3) float32, 0 of flat triangles; None where all are flat, or not asked.
     """
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.int32]
     cuts: MeshCuts | None
+    corner_normal: NDArray[np.float32] | None = None
 
 
 def mesh_vertices(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
@@ -89,6 +91,26 @@ def triangle_materials(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     mesh.loop_triangle_polygons.foreach_get("value", face)
     of_triangle: NDArray[np.int32] = material[face]
     return of_triangle
+
+
+def corner_normals(mesh: bpy.types.Mesh, corners: NDArray[np.int32]) -> NDArray[np.float32] | None:
+    """(T, 3, 3) float32 normals at triangles' corners, as Cycles shades them; None: all are flat.
+
+    Custom normals and sharp edges are in them. Faces that are not smooth have 0: Cycles gives them
+    the normals of their triangles. corners: (T, 3) of `Triangles`.
+    """
+    if mesh.normals_domain == "FACE":
+        return None
+    normals = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals.ravel())
+    sharp = mesh.attributes.get("sharp_face")
+    if sharp is not None and sharp.domain == "FACE":
+        flat, corners_of = np.empty(len(mesh.polygons), bool), np.empty(len(mesh.polygons), int)
+        sharp.data.foreach_get("value", flat)
+        mesh.polygons.foreach_get("loop_total", corners_of)
+        normals[np.repeat(flat, corners_of)] = 0.0
+    chosen: NDArray[np.float32] = normals[corners]
+    return chosen
 
 
 def corner_uv(

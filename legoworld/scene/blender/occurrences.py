@@ -15,6 +15,7 @@ from legoworld.scene.blender.meshes import (
     CopiedMesh,
     MeshCuts,
     Triangles,
+    corner_normals,
     mesh_triangles,
     mesh_vertices,
     triangle_materials,
@@ -51,17 +52,23 @@ class Walk:
     for_camera: bool = False
 
 
-def walk(depsgraph: bpy.types.Depsgraph, camera: SceneCamera) -> Walk:
+def walk(
+    depsgraph: bpy.types.Depsgraph, camera: SceneCamera, *, corner_normals: bool = False
+) -> Walk:
     """Copy all occurrences and every mesh they show. Raises NonFiniteGeometryError.
 
-    camera: the one the snapshot will have; hair and points are meshed for it.
+    camera: the one the snapshot will have; hair and points are meshed for it. corner_normals:
+    whether meshes have them.
     """
-    return _Walker(depsgraph, camera).walk()
+    return _Walker(depsgraph, camera, corner_normals=corner_normals).walk()
 
 
 class _Walker:
-    def __init__(self, depsgraph: bpy.types.Depsgraph, camera: SceneCamera) -> None:
+    def __init__(
+        self, depsgraph: bpy.types.Depsgraph, camera: SceneCamera, *, corner_normals: bool
+    ) -> None:
         self.depsgraph = depsgraph
+        self.corner_normals = corner_normals
         self.result = Walk()
         self.objects = ObjectTable(view_layer=depsgraph.view_layer, warnings=self.result.warnings)
         self.override = depsgraph.view_layer_eval.material_override
@@ -202,7 +209,7 @@ class _Walker:
             )
         triangles = mesh_triangles(mesh)
         if not any(rules) and not held_out:  # the usual case: opaque, whatever the slot
-            return self._keep(vertices, triangles, None), -1
+            return self._keep(mesh, vertices, triangles, None), -1
         rule = np.array(rules, np.int32)[np.clip(triangle_materials(mesh), 0, len(rules) - 1)]
         there, hidden = self.result.alphas.is_there(rule), self.result.alphas.is_holdout(rule)
         if held_out:
@@ -228,15 +235,26 @@ class _Walker:
             warnings=self.result.warnings,
             unread=unread,
         ).cut(triangles, rule)
-        return self._keep(vertices, left, cuts)
+        return self._keep(shown.data, vertices, left, cuts)
 
     def _keep(
-        self, vertices: NDArray[np.float32], triangles: Triangles, cuts: MeshCuts | None
+        self,
+        mesh: bpy.types.Mesh,
+        vertices: NDArray[np.float32],
+        triangles: Triangles,
+        cuts: MeshCuts | None,
     ) -> int:
         if not len(triangles.vertices):
             return -1
         self.result.meshes.append(
-            CopiedMesh(vertices=vertices, triangles=triangles.vertices, cuts=cuts)
+            CopiedMesh(
+                vertices=vertices,
+                triangles=triangles.vertices,
+                cuts=cuts,
+                corner_normal=corner_normals(mesh, triangles.corners)
+                if self.corner_normals
+                else None,
+            )
         )
         return len(self.result.meshes) - 1
 

@@ -155,16 +155,26 @@ class ThinMeshes:
 
     def _sphere(self, level: int) -> int:
         if level not in self._spheres:
-            self._spheres[level] = self._add([sphere(level)])
+            self._spheres[level] = self._add([sphere(level)], round_around_0=True)
         return self._spheres[level]
 
-    def _add(self, parts: list[Triangulated]) -> int:
-        """Keep parts as one mesh; -1 when they have no triangle."""
+    def _add(self, parts: list[Triangulated], *, round_around_0: bool = False) -> int:
+        """Keep parts as one mesh; -1 when they have no triangle.
+
+        round_around_0: its corners' normals are their positions; strands are flat.
+        """
         vertices, triangles = parts[0] if len(parts) == 1 else join_meshes(parts)
         if not len(triangles):
             return -1
         self.made = True
-        self.meshes.append(CopiedMesh(vertices=vertices, triangles=triangles, cuts=None))
+        self.meshes.append(
+            CopiedMesh(
+                vertices=vertices,
+                triangles=triangles,
+                cuts=None,
+                corner_normal=vertices[triangles] if round_around_0 else None,
+            )
+        )
         return len(self.meshes) - 1
 
 

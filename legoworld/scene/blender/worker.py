@@ -90,7 +90,11 @@ def _snapshot(request: Request) -> dict[str, Any]:
     from legoworld.scene.snapshot import save
 
     blend = Path(request["blend"])
-    snapshot = snapshot_of_blend(blend, any_camera=bool(request.get("any_camera")))
+    snapshot = snapshot_of_blend(
+        blend,
+        any_camera=bool(request.get("any_camera")),
+        corner_normals=bool(request.get("corner_normals")),
+    )
     depends, watched = dependencies(blend), watched_folders(blend)
     passing = bool(request.get("passing"))
     content = save(snapshot, Path(request["output"]), passing=passing)

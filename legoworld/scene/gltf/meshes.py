@@ -19,8 +19,8 @@ from legoworld.scene.gltf.nodes import Node, Tree
 from legoworld.scene.gltf.pose import (
     default_weights,
     joint_matrices,
-    morph_positions,
-    skin_positions,
+    morphed,
+    skinned,
 )
 from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload, refuse_non_finite
 from legoworld.scene.gltf.verdicts import Budget, unreadable
@@ -28,10 +28,14 @@ from legoworld.scene.gltf.verdicts import Budget, unreadable
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One primitive that shows a surface. vertices: (V, 3) float32; triangles: (T, 3) below V."""
+    """One primitive that shows a surface. vertices: (V, 3) float32; triangles: (T, 3) below V.
+
+    normals: (V, 3) float32; None where the primitive is flat, or they were not asked for.
+    """
 
     vertices: NDArray[np.float32]
     triangles: NDArray[Any]
+    normals: NDArray[np.float32] | None
     shared: tuple[Any, ...]  # parts of a mesh with equal values have the same vertices
     cut: Cut | None
 
@@ -46,7 +50,10 @@ class Meshes:
         buffers: Buffers,
         accessors: Accessors,
         budget: Budget,
+        *,
+        with_normals: bool,
     ) -> None:
+        self._with_normals = with_normals
         self.parts: list[tuple[Part, ...]] = []
         self.pictures = Pictures(document, buffers, budget)
         self._document = document
@@ -102,24 +109,42 @@ class Meshes:
             return None
         triangles, cut = left
         posed = "targets" in fields or skin >= 0
-        vertices = primitive.positions
+        vertices, normals = primitive.positions, self._stored_normals(primitive)
         if posed:
-            vertices = self._pose_vertices(primitive, weights, skin)
+            vertices, normals = self._posed(primitive, normals, weights, skin)
             refuse_non_finite(vertices, mesh_name)
         return Part(
             vertices=vertices,
             triangles=triangles,
+            normals=normals,
             shared=(fields.place,) if posed else primitive.stored_as,
             cut=cut,
         )
 
-    def _pose_vertices(
-        self, primitive: Primitive, weights: tuple[float, ...], skin: int
-    ) -> NDArray[np.float32]:
-        positions = morph_positions(primitive.positions, primitive.fields, weights, self._accessors)
+    def _stored_normals(self, primitive: Primitive) -> NDArray[np.float32] | None:
+        attributes = primitive.fields.child("attributes")
+        if not self._with_normals or "NORMAL" not in attributes:
+            return None
+        stored = self._primitives.attribute(primitive.fields, "NORMAL")
+        if stored.values.shape != primitive.positions.shape:
+            raise attributes.wrong("NORMAL", "VEC3, one a vertex")
+        self._budget.take(12 * len(stored.values), attributes.place)
+        return as_float32(stored)
+
+    def _posed(
+        self,
+        primitive: Primitive,
+        normals: NDArray[np.float32] | None,
+        weights: tuple[float, ...],
+        skin: int,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        fields, accessors = primitive.fields, self._accessors
+        positions = morphed("POSITION", primitive.positions, fields, weights, accessors)
+        if normals is not None:
+            normals = morphed("NORMAL", normals, fields, weights, accessors)
         attributes = primitive.fields.child("attributes")
         if skin < 0:
-            return positions
+            return positions, normals
         if "JOINTS_0" not in attributes:
             raise attributes.wrong("JOINTS_0", "the joints of a mesh with a skin")
         if skin not in self._joints:
@@ -139,4 +164,4 @@ class Meshes:
                 raise unreadable(f"{attributes.place}: joints and weights are not VEC4 a vertex")
             self._budget.take(4 * len(positions) * 24, "joints and weights")
             influences.append((joints.astype(np.int64), as_float32(stored)))
-        return skin_positions(positions, influences, self._joints[skin], self._budget)
+        return skinned(positions, normals, influences, self._joints[skin], self._budget)

@@ -23,25 +23,26 @@ def default_weights(node: Fields, mesh: Fields) -> tuple[float, ...]:
     return node.numbers("weights") or mesh.numbers("weights")
 
 
-def morph_positions(
-    positions: NDArray[np.float32],
+def morphed(
+    name: str,
+    values: NDArray[np.float32],
     primitive: Fields,
     weights: tuple[float, ...],
     accessors: Accessors,
 ) -> NDArray[np.float32]:
-    """Positions plus the weighted displacements of the morph targets that have any."""
+    """An attribute, such as "POSITION", plus the weighted changes of the morph targets with any."""
     targets = primitive.children("targets")
     if len(weights) > len(targets):
         raise unreadable(f"{primitive.place} has {len(targets)} targets for {len(weights)} weights")
     for weight, target in zip(weights, targets, strict=False):
-        if weight == 0 or "POSITION" not in target:
+        if weight == 0 or name not in target:
             continue
-        stored = accessors.read(target.index("POSITION", len(accessors)))
-        if stored.values.shape != positions.shape:
-            raise unreadable(f"{target.at('POSITION')} has another shape than the positions")
+        stored = accessors.read(target.index(name, len(accessors)))
+        if stored.values.shape != values.shape:
+            raise unreadable(f"{target.at(name)} has another shape than the positions")
         with np.errstate(all="ignore"):
-            positions = positions + np.float32(weight) * as_float32(stored)
-    return positions
+            values = values + np.float32(weight) * as_float32(stored)
+    return values
 
 
 def joint_matrices(
@@ -64,13 +65,14 @@ def joint_matrices(
     return np.ascontiguousarray(matrices[:, :3])
 
 
-def skin_positions(
+def skinned(
     positions: NDArray[np.float32],
+    normals: NDArray[np.float32] | None,
     influences: list[tuple[NDArray[np.int64], NDArray[np.float32]]],
     matrices: NDArray[np.float64],
     budget: Budget,
-) -> NDArray[np.float32]:
-    """(V, 3) positions in the world, by joints (V, 4) and weights (V, 4) of each JOINTS_n.
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """(V, 3) positions and normals in the world, by joints and weights (V, 4) of each JOINTS_n.
 
     Weights are normalised to a sum of 1, as exporters round them; a vertex without any follows the
     first joint.
@@ -84,6 +86,7 @@ def skin_positions(
     weights[total == 0, 0] = 1.0
     joints[total == 0] = 0
     placed = np.empty(positions.shape, np.float32)
+    turned = None if normals is None else np.empty(normals.shape, np.float32)
     with np.errstate(all="ignore"):
         weights /= weights.sum(axis=1, keepdims=True)
         for start in range(0, len(positions), _CHUNK):
@@ -92,4 +95,9 @@ def skin_positions(
             placed[part] = (
                 np.einsum("vij,vj->vi", blended[:, :, :3], positions[part]) + blended[:, :, 3]
             )
-    return placed
+            if turned is not None and normals is not None:
+                a, b, c = blended[:, 0, :3], blended[:, 1, :3], blended[:, 2, :3]
+                # The inverse transpose times the determinant.
+                cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+                turned[part] = np.einsum("vij,vj->vi", cofactors, normals[part])
+    return placed, turned

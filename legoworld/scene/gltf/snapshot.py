@@ -29,7 +29,9 @@ _LARGEST: Final = 1e20  # as in `nodes`
 _INT32: Final = 2**31 - 1
 
 
-def snapshot_of_glb(glb: Glb, folder: Path, *, any_camera: bool = False) -> Snapshot:
+def snapshot_of_glb(
+    glb: Glb, folder: Path, *, any_camera: bool = False, corner_normals: bool = False
+) -> Snapshot:
     """Read the default scene of a .glb. Raises the SceneInvalidErrors of `errors`.
 
     any_camera: give a scene without a camera one of Blender's default settings.
@@ -42,7 +44,7 @@ def snapshot_of_glb(glb: Glb, folder: Path, *, any_camera: bool = False) -> Snap
     camera, aspect, camera_warnings = scene_camera(document, tree, any_camera=any_camera)
     buffers = Buffers(glb, folder, budget)
     accessors = Accessors(document, buffers, budget)
-    meshes = Meshes(document, tree, buffers, accessors, budget)
+    meshes = Meshes(document, tree, buffers, accessors, budget, with_normals=corner_normals)
     order = sorted(tree.nodes, key=lambda node: (node.name, node.index))
     placed = _placements(order, tree, meshes, accessors, budget)
     if not placed["surface_mesh"].size:
@@ -66,6 +68,7 @@ def snapshot_of_glb(glb: Glb, folder: Path, *, any_camera: bool = False) -> Snap
         **placed,
         **_geometry(meshes.parts, budget),
         **_cutouts(meshes),
+        corner_normal=_corner_normals(meshes.parts, budget) if corner_normals else None,
     )
 
 
@@ -190,6 +193,20 @@ def _geometry(meshes: list[tuple[Part, ...]], budget: Budget) -> dict[str, Any]:
         "vertex_start": np.array(vertex_start, np.int64),
         "triangle_start": np.array(triangle_start, np.int64),
     }
+
+
+def _corner_normals(meshes: list[tuple[Part, ...]], budget: Budget) -> NDArray[np.float32]:
+    """(T, 3, 3) of all triangles; 0 of primitives without normals, which glTF has flat."""
+    parts = [part for parts in meshes for part in parts]
+    budget.take(36 * sum(len(part.triangles) for part in parts), "the normals")
+    return np.concatenate(
+        [
+            np.zeros((len(part.triangles), 3, 3), np.float32)
+            if part.normals is None
+            else part.normals[part.triangles]
+            for part in parts
+        ]
+    )
 
 
 def _cutouts(meshes: Meshes) -> dict[str, Any]:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from hypothesis import example, given, settings, strategies
 
 from legoworld.evaluation.normals.angles import (
     angular_errors,
+    bins_of,
     image_metrics,
-    pooled_metrics,
     summed,
 )
 from legoworld.evaluation.normals.arrays import NormalsArray
+from legoworld.evaluation.normals.pooling import MEDIAN, own_fields
+from legoworld.evaluation.pixels.family import Settings
 from legoworld.evaluation.pixels.resampling import sampler
 
 VECTOR = np.array([0, 5, 7.5, 11.25, 22.5, 30])
@@ -42,20 +47,42 @@ def test_a_hole_is_left_out_or_90_degrees_or_in_no_share():
     assert [metrics[name]["exclude"] for name in SHARES] == [k / 6 for k in range(1, 6)]
 
 
+def pooled_metrics(images, holes, order=1):
+    """Images of errors, with holes in the first, as two readings of their arrays pool them."""
+    rows = [
+        SimpleNamespace(errors=summed(e), n_valid=len(e) + (0 if k else holes))
+        for k, e in enumerate(images)
+    ]
+    asked = MEDIAN.question(rows)["bins"]
+    answers = [e[np.isin(bins_of(e), asked)] for e in images]
+    options = MEDIAN.conclude(rows, answers[::order])
+    return own_fields(rows, rows, Settings(options=options, draws=1, seed=0))["pooled"]
+
+
 @pytest.mark.parametrize("holes", [0, 1, 5])
 def test_pooled_images_are_one_image_of_all_pixels(holes):
-    errors = np.round(np.random.default_rng(0).uniform(0, 180, 501), 2)
-    parts = [summed(part) for part in np.split(errors, [1, 200, 201])]
+    errors = np.random.default_rng(0).uniform(0, 180, 501)
     whole = image_metrics(errors, summed(errors), holes)
-    same_metrics(pooled_metrics(parts, holes), whole)
-    same_metrics(pooled_metrics([summed(VECTOR)], 0), image_metrics(VECTOR, summed(VECTOR), 0))
+    same_metrics(pooled_metrics(np.split(errors, [1, 200, 201]), holes), whole)
+    same_metrics(pooled_metrics([VECTOR], 0), image_metrics(VECTOR, summed(VECTOR), 0))
 
 
-def test_the_pooled_median_is_of_errors_rounded_to_a_hundredth():
-    errors = np.random.default_rng(1).uniform(0, 60, 1000)
-    pooled = pooled_metrics([summed(errors)], 0)["median_deg"]["exclude"]
-    assert pooled == pytest.approx(float(np.median(np.round(errors, 2))), abs=1e-9)
-    assert abs(pooled - np.median(errors)) <= 0.005
+@settings(max_examples=60)
+@given(
+    values=strategies.lists(
+        strategies.floats(0, 180) | strategies.floats(89.99, 90.01), min_size=1
+    ),
+    holes=strategies.integers(0, 9),
+    seed=strategies.integers(0, 99),
+)
+@example(values=[90.0, 90.0, 89.999], holes=3, seed=0)
+def test_the_pooled_median_is_exact_in_any_order(values, holes, seed):
+    errors = np.array(values)
+    parts = np.split(errors, np.sort(np.random.default_rng(seed).integers(0, len(errors), 2)))
+    medians = pooled_metrics(parts, holes)["median_deg"]
+    assert medians == pooled_metrics(parts, holes, order=-1)["median_deg"]
+    assert medians["exclude"] == np.median(errors)
+    assert medians["error_90"] == np.median(np.concatenate([errors, np.full(holes, 90.0)]))
 
 
 def test_counts_are_packed_and_end_with_the_largest_error():
@@ -83,10 +110,11 @@ def test_short_and_unknown_vectors_are_holes_in_prediction_and_truth():
     values = angled(VECTOR)
     values[0, 0] = np.nan
     values[0, 1] *= 0.5
+    values[0, 2] = np.inf
     truth = angled(np.zeros(6))
     truth[0, 5] = 0
     sample = sampler(NormalsArray(values=values, sign="towards_camera"), (6, 1))
-    assert angular_errors(truth, sample, 5) == pytest.approx(VECTOR[2:5], abs=2e-6)
+    assert angular_errors(truth, sample, 5) == pytest.approx(VECTOR[3:5], abs=2e-6)
 
 
 def test_a_smaller_prediction_is_interpolated_and_renormalised():

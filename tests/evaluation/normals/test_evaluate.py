@@ -11,10 +11,14 @@ from evaluation.normals.folders import evaluate, wall, write_run, write_truth
 
 from legoworld import cli
 from legoworld.depth_files.errors import DepthFileError
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.normals.arrays import Declaration, read_normals
 from legoworld.evaluation.normals.errors import NormalsTruthError
+from legoworld.evaluation.pixels import evaluate as pixels_evaluate
 from legoworld.files import sha256_of_file
+from legoworld.readouts.normals import NORMALS_FILE
+from legoworld.workers.tasks import WorkerPool
 
 SIZE = (8, 4)
 NAMES = ("a.png", "b.png", "c.png")
@@ -41,13 +45,42 @@ def test_pixels_are_pooled_and_images_are_averaged(run, truth, tmp_path):
     assert (summary.pooled_px, summary.predicted_px) == (48, 40)
     assert summary.pooled["mean_deg"]["exclude"] == pytest.approx((240 + 320) / 40, abs=1e-5)
     assert summary.pooled["mean_deg"]["error_90"] == pytest.approx((560 + 720) / 48, abs=1e-5)
-    assert summary.pooled["median_deg"] == {"error_90": 15.0, "exclude": 10.0}
+    errors = [np.degrees(np.arccos(np.float64(np.cos(np.radians(x))))) for x in (10, 20)]
+    assert summary.pooled["median_deg"]["exclude"] == pytest.approx(errors[0], abs=1e-5)
+    assert summary.pooled["median_deg"]["error_90"] == pytest.approx(sum(errors) / 2, abs=1e-5)
     assert summary.pooled["below_11_25"] == {"fails": 0.5, "exclude": 0.6}
     assert summary.metrics["mean_deg"]["exclude"] == pytest.approx(15, abs=1e-5)
     assert summary.metrics["mean_deg"]["error_90"] == pytest.approx((30 + 20) / 2, abs=1e-5)
     assert summary.all_attempted.mean_deg["exclude"] == pytest.approx((30 + 90) / 3, abs=1e-5)
     assert summary.bootstrap.unit == "image"
     assert summary.intervals["mean_deg"]["exclude"].low == pytest.approx(10, abs=1e-5)
+
+
+def test_two_workers_write_the_same_bytes(run, truth, tmp_path, monkeypatch):
+    monkeypatch.setattr("legoworld.evaluation.pixels.image_tasks._FEW_BYTES", 0)
+    evaluate(run, truth, tmp_path / "one")
+    evaluate(run, truth, tmp_path / "two", pool=WorkerPool(workers=2))
+    files = {p.relative_to(tmp_path / "one") for p in (tmp_path / "one").rglob("*") if p.is_file()}
+    assert {str(name) for name in files} >= {"summary.json", "per_image.jsonl", "view/1.json"}
+    for name in files:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_an_array_that_changes_between_the_readings_ends_scoring(run, truth, tmp_path, monkeypatch):
+    original = pixels_evaluate.scored_images
+    readings = []
+
+    def scored(tasks, pool):
+        readings.append(tasks)
+        if len(readings) == 2:
+            other = wall(SIZE, 11).astype(np.float32)
+            NORMALS_FILE.write(run / "normals/a.npz", other, {})
+        return original(tasks, pool)
+
+    monkeypatch.setattr(pixels_evaluate, "scored_images", scored)
+    with pytest.raises(LegoWorldError, match="changed while it was scored"):
+        evaluate(run, truth, tmp_path / "evaluation")
+    assert not (tmp_path / "evaluation/summary.json").exists()
 
 
 def rewritten(folder, name, change):
@@ -71,7 +104,7 @@ def test_an_altered_number_is_seen_from_the_rows_and_the_arrays(run, truth, tmp_
     def median(exclude):
         return lambda summary: summary["pooled"]["median_deg"].update(exclude=exclude)
 
-    seen = rewritten(folder, "summary.json", median(10.01))
+    seen = rewritten(folder, "summary.json", median(10.02))
     assert seen == ["pooled from the rows"]
     assert rewritten(folder, "summary.json", median(was["exclude"])) == []
     counts = lambda row: row["errors"]["counts"].append(0)  # noqa: E731  no number depends on it

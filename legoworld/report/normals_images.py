@@ -1,0 +1,82 @@
+"""Normals on a page: the arrays of a photo, its facts, and what to do about it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.pixels.view import decoded
+from legoworld.records.evaluation_view import NormalsView
+from legoworld.records.normals import ScoredNormalsRow
+from legoworld.records.report_page import Advice, NormalsDrawing
+
+#: The code of a pixel without an error.
+NO_ERROR: Final = 65535
+_PER_DEGREE: Final = 100
+#: The error scale ends where 2 percent of the errors lie beyond it.
+_LIMIT_PERCENT: Final = 98
+_MANY_HOLES: Final = 0.02
+_CHANNELS: Final = 3
+
+F32 = NDArray[np.float32]
+
+
+def normals_drawing(views: Sequence[NormalsView | None]) -> NormalsDrawing | None:
+    """The drawn arrays of one photo, and their errors on one scale."""
+    known = [view for view in views if view is not None]
+    if not known:
+        return None
+    truth = decoded(known[0].truth, known[0].size_wh, _CHANNELS)
+    predicted = [None if v is None else decoded(v.predicted, v.size_wh, _CHANNELS) for v in views]
+    errors = [None if one is None else _errors_deg(one, truth) for one in predicted]
+    every = np.concatenate([e[np.isfinite(e)] for e in errors if e is not None])
+    return NormalsDrawing(
+        size_wh=known[0].size_wh,
+        image_wh=known[0].image_wh,
+        error_deg=float(np.percentile(every, _LIMIT_PERCENT)) if len(every) else 0.0,
+        truth=encode_vectors(truth),
+        predicted=tuple(None if one is None else encode_vectors(one) for one in predicted),
+        errors=tuple(None if one is None else _encode_errors(one) for one in errors),
+    )
+
+
+def encode_vectors(vectors: F32) -> str:
+    """Unit vectors as signed bytes, within half of 1 / 127; 0, 0, 0 where there is none."""
+    return _text(np.nan_to_num(np.rint(vectors * 127.0)).astype(np.int8))
+
+
+def _encode_errors(errors_deg: NDArray[np.float64]) -> str:
+    known = np.isfinite(errors_deg)
+    return _text(np.where(known, np.rint(errors_deg * _PER_DEGREE), NO_ERROR).astype("<u2"))
+
+
+def _text(codes: NDArray[Any]) -> str:
+    return base64.b64encode(codes.tobytes()).decode("ascii")
+
+
+def _errors_deg(predicted: F32, truth: F32) -> NDArray[np.float64]:
+    cosines = (predicted.astype(np.float64) * truth).sum(axis=-1)
+    errors: NDArray[np.float64] = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    return errors
+
+
+def normals_facts(row: ScoredNormalsRow) -> list[tuple[str, str]]:
+    """What is known of a prediction besides its metrics."""
+    return [("holes", f"{row.hole_share:.2%} of the valid ground truth")]
+
+
+def normals_advice(row: ScoredNormalsRow) -> list[Advice]:
+    """What lowers a photo's score, and what to do about it."""
+    if row.hole_share <= _MANY_HOLES:
+        return []
+    return [
+        Advice(
+            level="bad",
+            what=f"{row.hole_share:.1%} of the measured pixels have no normal",
+            do="close floor, walls and background: under error_90 a hole is an error of 90 degrees",
+        )
+    ]
