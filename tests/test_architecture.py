@@ -43,6 +43,7 @@ ROOMS = [
     ("endpoint", "solids"),
     ("visibility",),
     ("readouts",),
+    ("exports",),
     ("running",),
     ("plugin",),
     ("evaluation",),
@@ -201,6 +202,7 @@ AT_HOME = {
     "commands/bench_command.py": "the command of that name",
     "cli.py": "the command of that name",
     "commands/export_command.py": "a file format",
+    "exports/formats.py": "a file format",
     "report/page_file.py": "a key of the page",
 }
 

@@ -31,6 +31,7 @@ from legoworld.evaluation.run import (
     read_rows,
     read_run,
 )
+from legoworld.exports.formats import Written
 from legoworld.files import write_text
 from legoworld.records.base import UNSET, Record, canonical, readable
 from legoworld.records.coco_file import (
@@ -50,27 +51,16 @@ from legoworld.tracks.track import load_track
 from legoworld.tracks.vocabulary import Vocabulary, load
 
 
-def export_coco(
-    run_folder: Path,
-    output: Path,
-    *,
-    track: Path | None,
-    overwrite: bool,
-    visible: bool = False,
-) -> CocoFile:
-    """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
+def write_coco(
+    run_folder: Path, output: Path, *, track: Path | None, visible: bool = False
+) -> Written:
+    """Write a run of boxes or masks as COCO JSON for dataset tools.
 
     visible: with the visible parts of amodal masks, in KINS's fields. track: source of the category
     names if they are not the shipped dataset's. Raises UsageError for a depth run, unknown category
     names or visible parts of other masks, RunUnusableError or PredictionsInvalidError for a damaged
     run; nothing is written then.
     """
-    if output.exists() and not overwrite:
-        raise UsageError(
-            f"{output.name} already exists",
-            expected="a new file",
-            next_step="choose another -o, or pass --overwrite",
-        )
     run = read_run(run_folder)
     if find_family(run.task) != DETECTION:
         raise UsageError(
@@ -100,7 +90,12 @@ def export_coco(
         categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
     )
     write_text(output, _readable(document))
-    return document
+    return Written(images=len(document.images), annotations=len(document.annotations))
+
+
+def write_kins(run_folder: Path, output: Path, *, track: Path | None) -> Written:
+    """Write a run of amodal masks with their visible parts; raises as `write_coco` does."""
+    return write_coco(run_folder, output, track=track, visible=True)
 
 
 def vocabulary_of_run(run: Run, track: Path | None) -> Vocabulary:
