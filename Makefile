@@ -23,7 +23,7 @@ PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 PARALLEL_MODELS := -n auto --maxprocesses 2 --dist worksteal
 
 demo: $(VENV)/tests-installed
-	$(PYTHON) docs/demo.py -o $(DEMO)
+	$(PYTHON) -m legoworld demo -o $(DEMO)
 
 # KayKit's assets (CC0) are in no repository of ours: LEGOWORLD_KAYKIT names their folder.
 .PHONY: bench-demo

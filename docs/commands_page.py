@@ -12,6 +12,11 @@ from legoworld.cli import main
 
 PAGE = Path(__file__).with_name("commands.md")
 
+_OVERWRITING = """Results (runs, evaluations, comparisons, tables, tracks, datasets, exports) are
+replaced only with `--overwrite`, and a folder of another kind never. What is made again from its
+inputs (pages, pictures, the scene of `execute`, reward.json) replaces an earlier one.
+"""
+
 _COMPLETION = """Shell completion of commands, options and choices, in the shell's start-up file:
 
 ```sh
@@ -32,6 +37,7 @@ def render() -> str:
     parts = [
         "# Commands\n\nGenerated from the program's own help by `python docs/commands_page.py`.\n\n"
         f"| exit code | meaning |\n|---:|---|\n{codes}",
+        _OVERWRITING,
         _COMPLETION,
     ]
     for name in main.list_commands(context):

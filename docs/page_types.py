@@ -21,6 +21,7 @@ ROOTS: Final = (
     report_page.DetectionPageView,
     report_page.DepthPageView,
     report_page.RelationsPageView,
+    report_page.LabelMapPageView,
     report_page.DetectionCell,
     report_page.DepthCell,
     report_page.RelationsCell,

@@ -9,57 +9,86 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from legoworld.version import __version__
+from legoworld.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from legoworld.api.by_task import ByTask
-    from legoworld.api.comparison import Comparison, compare
-    from legoworld.api.evaluation import Evaluation, evaluate
-    from legoworld.api.listener import Listener
-    from legoworld.api.reader import Reader, Reading
-    from legoworld.api.readout import Run, readout
-    from legoworld.api.scenes import Scene, SceneView, open_scene
-    from legoworld.errors import LegoWorldError
-    from legoworld.evaluation.pose.score import PoseScores, score_poses
+    from legoworld.agents.campaign import reconstruct as reconstruct
+    from legoworld.api.baselines import baseline_import as baseline_import
+    from legoworld.api.baselines import baseline_run as baseline_run
+    from legoworld.api.bench import bench_export as bench_export
+    from legoworld.api.bench import bench_judges as bench_judges
+    from legoworld.api.bench import bench_make as bench_make
+    from legoworld.api.bench import bench_score as bench_score
+    from legoworld.api.bench import bench_serve as bench_serve
+    from legoworld.api.bench import bench_table as bench_table
+    from legoworld.api.by_task import ByTask as ByTask
+    from legoworld.api.comparison import Comparison as Comparison
+    from legoworld.api.comparison import compare as compare
+    from legoworld.api.evaluation import Evaluation as Evaluation
+    from legoworld.api.evaluation import evaluate as evaluate
+    from legoworld.api.evidence import evidence_verify as evidence_verify
+    from legoworld.api.exporting import export as export
+    from legoworld.api.listener import Listener as Listener
+    from legoworld.api.merging import merge as merge
+    from legoworld.api.plugin_evidence import plugin_evidence as plugin_evidence
+    from legoworld.api.reader import Reader as Reader
+    from legoworld.api.reader import Reading as Reading
+    from legoworld.api.readout import Run as Run
+    from legoworld.api.readout import readout as readout
+    from legoworld.api.report_page import write_report as write_report
+    from legoworld.api.scene_folders import execute as execute
+    from legoworld.api.scene_folders import freeze as freeze
+    from legoworld.api.scenes import Scene as Scene
+    from legoworld.api.scenes import SceneView as SceneView
+    from legoworld.api.scenes import open_scene as open_scene
+    from legoworld.api.score import score as score
+    from legoworld.api.tracks import track_check as track_check
+    from legoworld.api.tracks import track_make as track_make
+    from legoworld.api.usd_import import import_usd as import_usd
+    from legoworld.bench.reward import bench_reward as bench_reward
+    from legoworld.endpoint.workspace_finalisation import blender_finalise as blender_finalise
+    from legoworld.errors import LegoWorldError as LegoWorldError
+    from legoworld.evaluation.pose.score import PoseScores as PoseScores
+    from legoworld.evaluation.pose.score import score_poses as score_poses
+    from legoworld.plugin.ledger import plugin_replay as plugin_replay
+    from legoworld.trajectories.api import trajectory_pick as trajectory_pick
+    from legoworld.trajectories.api import trajectory_report as trajectory_report
+    from legoworld.trajectories.api import trajectory_score as trajectory_score
+    from legoworld.trajectories.api import trajectory_show as trajectory_show
 
-_HOMES = {
-    "ByTask": "legoworld.api.by_task",
-    "Comparison": "legoworld.api.comparison",
-    "Evaluation": "legoworld.api.evaluation",
-    "LegoWorldError": "legoworld.errors",
-    "Listener": "legoworld.api.listener",
-    "PoseScores": "legoworld.evaluation.pose.score",
-    "Reader": "legoworld.api.reader",
-    "Reading": "legoworld.api.reader",
-    "Run": "legoworld.api.readout",
-    "Scene": "legoworld.api.scenes",
-    "SceneView": "legoworld.api.scenes",
-    "compare": "legoworld.api.comparison",
-    "evaluate": "legoworld.api.evaluation",
-    "open_scene": "legoworld.api.scenes",
-    "readout": "legoworld.api.readout",
-    "score_poses": "legoworld.evaluation.pose.score",
+#: Where the names are at home.
+_NAMES = {
+    "legoworld.agents.campaign": "reconstruct",
+    "legoworld.api.baselines": "baseline_import baseline_run",
+    "legoworld.api.bench": "bench_export bench_judges bench_make bench_score bench_serve"
+    " bench_table",
+    "legoworld.api.by_task": "ByTask",
+    "legoworld.api.comparison": "Comparison compare",
+    "legoworld.api.evaluation": "Evaluation evaluate",
+    "legoworld.api.evidence": "evidence_verify",
+    "legoworld.api.exporting": "export",
+    "legoworld.api.listener": "Listener",
+    "legoworld.api.merging": "merge",
+    "legoworld.api.plugin_evidence": "plugin_evidence",
+    "legoworld.api.reader": "Reader Reading",
+    "legoworld.api.readout": "Run readout",
+    "legoworld.api.report_page": "write_report",
+    "legoworld.api.scene_folders": "execute freeze",
+    "legoworld.api.scenes": "Scene SceneView open_scene",
+    "legoworld.api.score": "score",
+    "legoworld.api.tracks": "track_check track_make",
+    "legoworld.api.usd_import": "import_usd",
+    "legoworld.bench.reward": "bench_reward",
+    "legoworld.endpoint.workspace_finalisation": "blender_finalise",
+    "legoworld.errors": "LegoWorldError",
+    "legoworld.evaluation.pose.score": "PoseScores score_poses",
+    "legoworld.plugin.ledger": "plugin_replay",
+    "legoworld.trajectories.api": "trajectory_pick trajectory_report trajectory_score"
+    " trajectory_show",
 }
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-__all__ = [
-    "ByTask",
-    "Comparison",
-    "Evaluation",
-    "LegoWorldError",
-    "Listener",
-    "PoseScores",
-    "Reader",
-    "Reading",
-    "Run",
-    "Scene",
-    "SceneView",
-    "__version__",
-    "compare",
-    "evaluate",
-    "open_scene",
-    "readout",
-    "score_poses",
-]
+__all__ = sorted([*_HOMES, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> object:

@@ -44,6 +44,7 @@ _COMMANDS = {
     "compare": "compare two evaluations over the same images",
     "report": "write one HTML page of evaluations and comparisons",
     "list": "list tasks, datasets, baselines and file formats, or print the authoring guide",
+    "demo": "read out, score and report the shipped examples",
     "doctor": "check that this machine has what legoworld needs",
 }
 

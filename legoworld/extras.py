@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from importlib import metadata
 from typing import Literal
@@ -17,6 +18,13 @@ def requirements(extra: Extra) -> list[str]:
     lines = metadata.requires("legoworld") or []
     wanted = f'extra == "{extra}"'
     return [line.partition(";")[0].strip() for line in lines if wanted in line.replace("'", '"')]
+
+
+def lacking(extra: Extra) -> list[str]:
+    """The packages of an extra that are not installed, of whatever version."""
+    names = [re.split(r"[^\w.-]", line)[0] for line in requirements(extra)]
+    installed = {one.name.casefold() for one in metadata.distributions() if one.name}
+    return [name for name in names if name.casefold() not in installed]
 
 
 def install_command(extra: Extra) -> str:

@@ -17,6 +17,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
+from legoworld.errors import UsageError
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
@@ -59,6 +61,18 @@ def home_folder() -> Path:
 def refused_by_machine(error: OSError) -> bool:
     """Whether the error is this machine's (disk, memory, open files), not the file's."""
     return error.errno in _MACHINE
+
+
+def refuse_existing(path: Path, *, overwrite: bool) -> None:
+    """UsageError for an output file that is there, unless it may be replaced; never a folder."""
+    folder = path.is_dir()
+    if folder or (path.exists() and not overwrite):
+        raise UsageError(
+            f"{path} already exists",
+            found="a folder" if folder else "a file",
+            expected="a new file",
+            next_step="choose another -o" + ("" if folder else ", or pass --overwrite"),
+        )
 
 
 def names_a_file(path: Path) -> bool:

@@ -27,6 +27,7 @@ ACCEPTED: Final = {
     r"examples/motorcycle has no scene\.blend": "its photos come from a store",
     r"scikit-image's motorcycle is not here": "its photos come from a store",
     r"models of ATIF are not installed": "Harbor's package needs Python 3.12: make test-harbor",
+    r"an adapter's package is not installed": "tools of others, each with a NumPy of its own",
     r"could not import 'torch'|torch": "make test-baselines runs them in an environment of its own",
     r"could not import '(ray|s3fs|moto)": "make test-cluster runs them",
     r"could not import '(mypy|pyright)": "make check runs them",

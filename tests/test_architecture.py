@@ -204,6 +204,7 @@ AT_HOME = {
     "commands/export_command.py": "a file format",
     "exports/formats.py": "a file format",
     "report/page_file.py": "a key of the page",
+    "commands/demo_command.py": "the tasks that the examples have ground truth for",
 }
 
 
@@ -233,6 +234,7 @@ def test_no_room_but_its_own_names_a_task_or_a_family():
 OF_A_DATASET = {
     "evaluation/depth/eth3d.py": "its layout",
     "track_making/eth3d.py": "its layout",
+    "api/bench.py": "of the bench's own room",
     "api/coco_export.py": "a file format",
     "records/coco_file.py": "a file format",
     "records/lvis.py": "its annotations",

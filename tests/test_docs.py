@@ -12,7 +12,9 @@ from pathlib import Path
 
 import click
 import pytest
+import stranger
 from checkout import CHECKOUT
+from commands import every_command
 from packaging.requirements import Requirement
 
 import legoworld
@@ -33,7 +35,6 @@ PAGES = sorted(
 TUTORIAL = DOCS / "tutorial.md"
 LABELS = DOCS / "labels.md"
 PICTURE_MAX_BYTES = 150_000
-TRUTH = ROOT / "datasets" / "skimage_examples"
 
 #: What a value can be held to without the files a page speaks of.
 _CHECKED = (click.Choice, click.IntRange, click.FloatRange)
@@ -143,33 +144,38 @@ def test_the_index_lists_every_page():
         assert page.name == "README.md" or index.count(link) == 1, page.name
 
 
-def patched(program: str, difference: str) -> str:
-    """A program with a unified diff without context applied; each hunk's place is checked."""
-    lines, shift = program.splitlines(), 0
-    for hunk in re.split(r"^@@ ", difference, flags=re.M)[1:]:
-        head, _, body = hunk.partition("\n")
-        start, count = re.match(r"-(\d+)(?:,(\d+))?", head).groups()
-        removed = [x[1:] for x in body.splitlines() if x.startswith("-")]
-        added = [x[1:] for x in body.splitlines() if x.startswith("+")]
-        assert len(removed) == (1 if count is None else int(count))
-        at = int(start) + shift - (1 if removed else 0)
-        assert lines[at : at + len(removed)] == removed
-        lines[at : at + len(removed)] = added
-        shift += len(added) - len(removed)
-    return "\n".join(lines) + "\n"
+#: Words of commands that mean what they mean anywhere, or name a program of others.
+PLAIN = set(
+    re.findall(
+        r"\w+",
+        """
+        agent agents allow any array batch below blender box by cache call camera category
+        changed check compare cpus demo denoise depth device doctor dtype env execute export
+        fail fast file files folder folders for format fov harbor id ids image images import
+        index inspect install join json keep kind limit list load make max mb memory merge
+        model name network no of offline option options or output overwrite pass per photo
+        photos picture port prices programs project python quiet render repeat replay require
+        results root run sample samples scene scenes score seed serve show side size suffix
+        table time timeout torch truth undo verbose verifier verify weights with without write
+        """,
+    )
+)
 
 
-def tutorial_programs() -> tuple[str, str]:
-    found = dict(blocks(TUTORIAL))
-    return found["python"], patched(found["python"], found["diff"])
-
-
-def test_the_tutorials_change_fits_its_program():
-    first, second = tutorial_programs()
-    compile(first, "coffee.py", "exec")
-    compile(second, "coffee.py", "exec")
-    assert "table[" not in first
-    assert second.count('["category"]') == 4
+def test_the_glossary_knows_every_word_that_the_commands_use():
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    bold = " ".join(re.findall(r"\*\*(.+?)\*\*", text, re.S)).casefold()
+    known = set(re.findall(r"[a-z]+", bold))
+    known |= {word.removesuffix("s") for word in known} | {f"{word}s" for word in known}
+    used: set[str] = set()
+    for words in every_command.commands(cli.main):
+        used |= set(words)
+        for one in every_command.command_of(words).params:
+            names = [one.name] if isinstance(one, click.Argument) else one.opts
+            used |= {part for name in names for part in re.findall(r"[a-z]+", str(name))}
+    unknown = {word for word in used - PLAIN - known if len(word) > 1}
+    assert unknown == set()
+    assert {"readout", "frozen", "ledger", "shard"} <= used & known
 
 
 _BUILD = """
@@ -196,37 +202,35 @@ def build(programs: dict[Path, str]) -> None:
 
 
 @pytest.mark.blender
-def test_the_tutorials_tables_and_numbers_are_the_programs_own(tmp_path, capsys):
+def test_the_tutorial_runs_as_a_stranger_runs_it_and_its_numbers_are_its_own(tmp_path):
+    assert stranger.unmarked(TUTORIAL) == 0
+    stranger.run_page(TUTORIAL, tmp_path / "tutorial")
     text = TUTORIAL.read_text(encoding="utf-8")
-    scenes = [tmp_path / name / "coffee" for name in ("first", "second")]
-    build(dict(zip(scenes, tutorial_programs(), strict=True)))
-    for scene in scenes:
-        assert cli.run(["inspect", str(scene), "--size", "600x400", "--task", "coco"]) == 0
-        table = capsys.readouterr().out.split("\n\n")[0]
-        assert "".join(f"    {line}\n" for line in table.splitlines()) in text
-    for row, column, task in (("COCO box AP", 0, "coco"), ("COCO box AP", 1, "coco"),
-                              ("LVIS mask AP", 1, "lvis")):  # fmt: skip
-        metrics, matched = scored(tmp_path, scenes[column].parent, task)
+    for row, column, folder in (("COCO box AP", 0, "first"), ("COCO box AP", 1, "boxes"),
+                                ("LVIS mask AP", 1, "masks")):  # fmt: skip
+        path = tmp_path / "tutorial" / "evals" / folder / "summary.json"
+        summary = json.loads(path.read_text(encoding="utf-8"))
         shown = re.search(rf"^\| {row} \| (.*?) \| (.*?) \|", text, re.M).group(column + 1)
-        assert f"{metrics['AP']:.3f}" == shown
-        kind = {"coco": "box", "lvis": "mask"}[task]
+        assert f"{summary['metrics']['AP']:.3f}" == shown
+        kind = row.split()[1]
         shown = re.search(rf"^\| mean {kind} IoU per annotation \| (.*?) \| (.*?) \|", text, re.M)
-        assert f"{matched['miou_gt_micro']:.3f}" == shown.group(column + 1)
+        overlap = summary["matched"]["class_aware"]["miou_gt_micro"]
+        assert f"{overlap:.3f}" == shown.group(column + 1)
 
 
-def scored(folder: Path, scenes: Path, task: str) -> tuple[dict, dict]:
-    """Metrics and class-aware overlaps of the coffee scene below `scenes`."""
-    track = json.loads((TRUTH / f"track_{task}.json").read_text())
-    track["images"] = [i for i in track["images"] if i["file_name"] == "coffee.png"]
-    (folder / f"{task}.json").write_text(json.dumps(track))
-    run, evaluation = folder / f"run-{scenes.name}-{task}", folder / f"eval-{scenes.name}-{task}"
-    arguments = ["--task", task, "--track", str(folder / f"{task}.json"), "-o", str(run), "-q"]
-    assert cli.run(["readout", str(scenes), *arguments]) == 0
-    truth = str(TRUTH / f"truth_{task}.json")
-    arguments = ["--truth", truth, "-o", str(evaluation), "--draws", "10", "-q"]
-    assert cli.run(["evaluate", str(run), *arguments]) == 0
-    summary = json.loads((evaluation / "summary.json").read_text())
-    return summary["metrics"], summary["matched"]["class_aware"]
+def test_a_page_that_fails_or_prints_something_else_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    for number, (block, shown) in enumerate(
+        [("false", ""), ("echo $HERE", ""), ("echo a", "    b\n"), ("echo a", "    a\n    ...\n")]
+    ):
+        page.write_text(f"<!-- run -->\n```sh\n{block}\n```\n\n{shown}\nText.\n")
+        if number == 3:
+            stranger.run_page(page, tmp_path / "good")
+        else:
+            with pytest.raises(AssertionError):
+                stranger.run_page(page, tmp_path / f"bad{number}")
+    page.write_text("```sh\nlegoworld doctor\n```\n")
+    assert stranger.unmarked(page) == 1
 
 
 def label_examples() -> tuple[dict[str, str], list[tuple[str, str | None, str]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -20,10 +20,11 @@ from legoworld.agents.unfinished_trial import (
     remove_finished,
     unfinished_trial,
 )
+from legoworld.api.listener import Listener
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.locks import held_folder
-from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, Usage
-from legoworld.records.base import Record, RecordError, decode
+from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, TrialRow
+from legoworld.records.base import RecordError, decode
 from legoworld.records.plugin_modules import PluginUsed
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.tracks.track import TrackImage
@@ -32,21 +33,6 @@ from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
 
 #: A trial that says nothing of its photo is made again by the next run.
 _AGAIN: Final[tuple[Outcome, ...]] = ("agent_failed",)
-
-
-class TrialRow(Record, frozen=True, kw_only=True):
-    """One trial as the command reports it. run: from 1, of --repeat."""
-
-    image_id: int
-    scene: str
-    run: int
-    status: Outcome
-    reason: str
-    seconds: float = 0.0
-    calls: int = 0
-    checkpoints: int = 0
-    usage: Usage = Usage()
-    kept: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,15 +44,7 @@ class TrialItem:
     scenes: Path
 
 
-@dataclass(frozen=True, kw_only=True)
-class Progress:
-    """Progress callbacks. total: gets the number of trials; row: each row as its trial ends."""
-
-    total: Callable[[int], None]
-    row: Callable[[TrialRow], None]
-
-
-def reconstruct(
+def make_trials(
     plan: TrialPlan,
     output: Path,
     *,
@@ -74,7 +52,7 @@ def reconstruct(
     repeat: int,
     workers: int,
     engine: EngineName,
-    progress: Progress,
+    listener: Listener,
 ) -> list[TrialRow]:
     """Make the trials that are not made yet; a row for every one, by image and run.
 
@@ -88,47 +66,26 @@ def reconstruct(
         next_step="wait for the other run, end it, or pass another -o",
     )
     with held_folder(output, refused):
-        return _run_trials(
-            plan,
-            output,
-            images=images,
-            repeat=repeat,
-            workers=workers,
-            engine=engine,
-            progress=progress,
-        )
-
-
-def _run_trials(
-    plan: TrialPlan,
-    output: Path,
-    *,
-    images: Sequence[TrackImage],
-    repeat: int,
-    workers: int,
-    engine: EngineName,
-    progress: Progress,
-) -> list[TrialRow]:
-    top = output.resolve()  # sandboxes and agents name files from other working folders
-    items = [
-        TrialItem(image=image, run=run, scenes=_scenes(top, run, repeat))
-        for run in range(1, repeat + 1)
-        for image in images
-    ]
-    kept = [row for item in items if (row := _existing_row(item, plan)) is not None]
-    done = {(row.run, row.image_id) for row in kept}
-    todo = [item for item in items if (item.run, item.image.id) not in done]
-    progress.total(len(items))
-    for row in kept:
-        progress.row(row)
-    job = Job(make=partial(_Trials, plan), lost=_lost_row)
-    rows = list(kept)
-    if todo:
-        with closing(ENGINES[engine](job, todo, workers)) as made:
-            for row in made:
-                rows.append(row)
-                progress.row(row)
-    return sorted(rows, key=lambda row: (row.run, row.image_id))
+        top = output.resolve()  # sandboxes and agents name files from other working folders
+        items = [
+            TrialItem(image=image, run=run, scenes=_scenes(top, run, repeat))
+            for run in range(1, repeat + 1)
+            for image in images
+        ]
+        kept = [row for item in items if (row := _existing_row(item, plan)) is not None]
+        done = {(row.run, row.image_id) for row in kept}
+        todo = [item for item in items if (item.run, item.image.id) not in done]
+        listener.total(len(items))
+        for row in kept:
+            listener.trial(row)
+        job = Job(make=partial(_Trials, plan), lost=_lost_row)
+        rows = list(kept)
+        if todo:
+            with closing(ENGINES[engine](job, todo, workers)) as made:
+                for row in made:
+                    rows.append(row)
+                    listener.trial(row)
+        return sorted(rows, key=lambda row: (row.run, row.image_id))
 
 
 class _Trials:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypedDict
 
 from legoworld.agents.agent_cards import agent_problems, load_agent
 from legoworld.agents.exposed_paths import refuse_exposed, version_in_sandbox
@@ -14,21 +13,6 @@ from legoworld.agents.workspaces import load_trial_setup
 from legoworld.errors import UsageError
 from legoworld.workers.protections import Confinement, protections
 from legoworld.workers.sandbox import SandboxLimits
-
-
-class RunOptions(TypedDict):
-    """The keyword arguments of `plan_run` that a command passes through."""
-
-    photos: Path
-    agent: str
-    task: str | None
-    programs: Path | None
-    model: str | None
-    time_limit_s: float | None
-    memory_bytes: int
-    sandbox: Confinement
-    plugin: PluginOptions | None
-    prices: Path | None
 
 
 def plan_run(

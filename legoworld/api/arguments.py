@@ -44,6 +44,11 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", call)
 
 
+def optional_path(path: str | Path | None) -> Path | None:
+    """An argument as a path, where it is given."""
+    return None if path is None else Path(path)
+
+
 def check_argument(name: str, value: object) -> None:
     """Raise UsageError unless the value can be used as the argument of that name."""
     expected = CHECKS[name](value)
@@ -173,7 +178,7 @@ CHECKS: Final[dict[str, _Check]] = {
     "engine": _one_of(*ENGINES),
     "evaluator": _or_none(_one_of("official", "fast")),
     "camera_model": _or_none(_one_of("none", "dataset")),
-    "reference_sampling": _or_none(_check_text),
+    **dict.fromkeys(("reference_sampling", "sky"), _or_none(_check_text)),
     "size_wh": _or_none(_check_pair(_check_integer(1, _LONGEST_PX), _SIZE)),
     "shard": _or_none(_check_shard),
     "image_ids": _check_each(_check_integer(0), "image ids"),

@@ -48,7 +48,7 @@ from legoworld.tasks.registry import family_tasks, find_family
 from legoworld.tasks.shipped import DETECTION
 from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.track import load_track
-from legoworld.tracks.vocabulary import Vocabulary, load
+from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 
 def write_coco(
@@ -56,37 +56,40 @@ def write_coco(
 ) -> Written:
     """Write a run of boxes or masks as COCO JSON for dataset tools.
 
-    visible: with the visible parts of amodal masks, in KINS's fields. track: source of the category
-    names if they are not the shipped dataset's. Raises UsageError for a depth run, unknown category
-    names or visible parts of other masks, RunUnusableError or PredictionsInvalidError for a damaged
-    run; nothing is written then.
+    visible: with the visible parts of amodal masks, in KINS's fields. track: source of the
+    category names if they are not the shipped dataset's; without it a scene's run gives the
+    categories that it predicts. Raises UsageError for a depth run, unknown names or visible parts
+    of other masks, RunUnusableError or PredictionsInvalidError for a damaged run; nothing is
+    written then.
     """
-    run = read_run(run_folder)
-    if find_family(run.task) != DETECTION:
+    source = read_run(run_folder)
+    if find_family(source.task) != DETECTION:
         raise UsageError(
-            f"a run of {run.task} has no boxes or masks",
+            f"a run of {source.task} has no boxes or masks",
             expected=f"a run of {', '.join(task.name for task in family_tasks(DETECTION))}",
             next_step="read depth from the run's own files, one per photo",
         )
-    if visible and detection_protocol(run.task).payload is not AMODAL:
-        raise UsageError(f"a run of {run.task} has no amodal masks", next_step="pass --format coco")
-    if detection_protocol(run.task).payload is BOXES3D:
+    if visible and detection_protocol(source.task).payload is not AMODAL:
         raise UsageError(
-            f"a run of {run.task} has boxes in space, which COCO has no place for",
+            f"a run of {source.task} has no amodal masks", next_step="pass --format coco"
+        )
+    if detection_protocol(source.task).payload is BOXES3D:
+        raise UsageError(
+            f"a run of {source.task} has boxes in space, which COCO has no place for",
             next_step="pass --format omni3d or --format kitti",
         )
-    vocabulary = vocabulary_of_run(run, track)
-    images = [_image(i.image_id, i.file_name, i.size_wh) for i in run.images]
-    predictions = _predictions(run, vocabulary)
+    vocabulary = vocabulary_of_run(source, track)
+    images = [_image(i.image_id, i.file_name, i.size_wh) for i in source.images]
+    predictions = _predictions(source, vocabulary)
     document = CocoFile(
         info=CocoInfo(
-            description=f"legoworld run of {run.task}: predictions as annotations",
-            task=run.task,
-            vocabulary_sha256=vocabulary.sha256,
-            images_without_result=tuple(i.image_id for i in run.images if i.status != "ok"),
+            description=f"legoworld run of {source.task}: predictions as annotations",
+            task=source.task,
+            vocabulary_sha256=source.configuration.vocabulary_sha256 or vocabulary.sha256,
+            images_without_result=tuple(i.image_id for i in source.images if i.status != "ok"),
         ),
         images=tuple(images),
-        annotations=tuple(_annotations(run, predictions, visible=visible)),
+        annotations=tuple(_annotations(source, predictions, visible=visible)),
         categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
     )
     write_text(output, _readable(document))
@@ -99,19 +102,39 @@ def write_kins(run_folder: Path, output: Path, *, track: Path | None) -> Written
 
 
 def vocabulary_of_run(run: Run, track: Path | None) -> Vocabulary:
-    """The categories of the run: the track's, or the shipped dataset's."""
+    """The categories of the run: the track's, the shipped dataset's, or those of its own labels."""
     expected = run.configuration.vocabulary_sha256
     vocabulary = load_track(track).vocabulary if track is not None else None
     if vocabulary is None:
         vocabulary = load(catalog.folder("datasets") / find_dataset(run.task) / "categories.json")
-    if vocabulary.sha256 != expected:
+    if vocabulary.sha256 == expected:
+        return vocabulary
+    exported = _exported_categories(run) if track is None else None
+    if exported is None:
         raise UsageError(
             "the names of the run's categories are unknown",
             found=f"{len(vocabulary.categories)} categories, {vocabulary.sha256[:12]}",
             expected=f"the run's vocabulary, {str(expected)[:12]}",
             next_step="pass --track with the track the run was made for",
         )
-    return vocabulary
+    return exported
+
+
+def _exported_categories(run: Run) -> Vocabulary | None:
+    """The categories of a scene's predictions, named by the rows; None where rows name none."""
+    named = {row.image_id: iter(row.exported or ()) for row in read_rows(run)}
+    kind = prediction_type(detection_protocol(run.task))
+    ids = sorted({p.category_id for batch in read_predictions(run, kind) for p in batch})
+    if not ids:
+        return None
+    names: dict[int, str] = {}
+    unnamed = Vocabulary(tuple(Category(id=i, name=str(i)) for i in ids))
+    for prediction in _predictions(run, unnamed).entries:  # in the order of the rows' names
+        one = next(named.get(prediction.image_id, iter(())), None)
+        if one is None or not one.category:
+            return None
+        names[prediction.category_id] = one.category
+    return Vocabulary(tuple(Category(id=i, name=names[i]) for i in ids))
 
 
 def _image(image_id: int, file_name: str, size_wh: tuple[int, int] | None) -> CocoImage:

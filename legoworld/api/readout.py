@@ -97,6 +97,7 @@ class ReadoutOptions(TypedDict, total=False):
     shard: tuple[int, int] | None
     images_per_file: int | None
     max_side: int | None
+    sky: str | None
     render: bool
     render_noise: bool
     overwrite: bool
@@ -136,6 +137,7 @@ def readout(
     shard: tuple[int, int] | None = None,
     images_per_file: int | None = None,
     max_side: int | None = None,
+    sky: str | None = None,
     render: bool = True,
     render_noise: bool = False,
     overwrite: bool = False,
@@ -154,7 +156,8 @@ def readout(
     the file of each scene to read. workers: Blender processes, None for one per core. limit: read
     the first images only; image_ids: read these images only; shard: (i, n), read every n-th image
     only, starting at the i-th. images_per_file: divide the predictions into files of this many
-    images. max_side: depth and normals only, longest side of the rendered image in pixels. render,
+    images. max_side: depth and normals only, longest side of the rendered image in pixels. sky:
+    panoptic and semantic only, category of pixels without geometry, None for VOID. render,
     render_noise: bench only, whether A's picture is rendered, and a second seed of it. overwrite:
     delete the results of an earlier run first. fail_fast: stop at the first scene that cannot be
     read. The limits apply to each Blender process. started: a Blender process already running with
@@ -175,6 +178,7 @@ def readout(
     given = options_by_task(
         tasks,
         max_side=max_side,
+        sky=sky,
         images_per_file=images_per_file,
         render=None if render else False,
         render_noise=render_noise or None,
@@ -199,6 +203,7 @@ def readout(
                 require_frozen=require_frozen,
                 max_side=given[name].get("max_side"),
                 threads=1,
+                sky=reading.category(given[name]["sky"], "--sky") if "sky" in given[name] else None,
                 bench=rules(reading.card, tracks[name], source, given[name]) if rules else None,
             )
             runs.append(

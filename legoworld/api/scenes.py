@@ -25,7 +25,8 @@ from legoworld.readouts import pictures
 from legoworld.readouts.amodal import AMODAL
 from legoworld.readouts.boxes3d import BOXES_3D, Box3d, Kind, box_lines_px, fit_boxes
 from legoworld.readouts.family import AnsweredImage
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.label_maps import category_map, segment_map
+from legoworld.readouts.protocol import Protocol, load_readout_family
 from legoworld.records.base import as_json, canonical
 from legoworld.records.instances import InstanceRow
 from legoworld.running.inspection import Inspection, OpenScene, look, write_inspection
@@ -38,6 +39,7 @@ from legoworld.scene.snapshot import RenderSettings, SceneCamera
 from legoworld.tables.table import Table
 from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.track import Track
+from legoworld.tracks.vocabulary import Category
 from legoworld.visibility.amodal import Amodal
 from legoworld.visibility.projection import Projection
 
@@ -236,7 +238,8 @@ class SceneView:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Caveats about this view, as sentences."""
-        return self._inspection.warnings
+        notes = self._protocol.readout.notes if self._protocol else None
+        return (*self._inspection.warnings, *(notes(self._answered()) if notes else ()))
 
     @property
     def labelled(self) -> tuple[InstanceRow, ...]:
@@ -333,6 +336,41 @@ class SceneView:
         return self.amodal.occluders.by_hidden()
 
     @check_arguments
+    def panoptic(self, *, sky: str | None = None) -> tuple[NDArray[np.int32], list[dict[str, Any]]]:
+        """(H, W) int32 segment ids, 0 for VOID, and `segments_info` of panopticapi.
+
+        Each visible thing is a segment, and each stuff category one; without stuff in the task's
+        vocabulary there are things alone. sky: the category of pixels without a hit, None for VOID.
+        Raises UsageError for a view without a task's vocabulary, or for an unknown category.
+        """
+        image = self._categorised(sky)
+        made = segment_map(image.view, image.instances, image.sky)
+        return made.ids, json.loads(canonical(made.segments))
+
+    @check_arguments
+    def semantic(self, *, sky: str | None = None) -> NDArray[np.uint8]:
+        """(H, W) uint8: the category id of what each pixel shows, 255 for none.
+
+        Where the task's vocabulary has a category `background`, all that is of no other one is of
+        it. sky, errors: as in `panoptic`.
+        """
+        image = self._categorised(sky)
+        assert image.vocabulary is not None
+        return category_map(image.view, image.instances, image.vocabulary, image.sky)
+
+    def _categorised(self, sky: str | None) -> AnsweredImage:
+        """The view as a readout takes it. UsageError without a task that has a vocabulary."""
+        protocol = self._protocol
+        if protocol is None or protocol.vocabulary is None:
+            labelled = [task.name for task in known_tasks() if task.family.labelled]
+            raise UsageError(
+                "only a view of a task with a vocabulary has categories",
+                found=f"task {protocol.task.name}" if protocol else "a view without a task",
+                expected=f"view(task=...) of {', '.join(labelled)}",
+            )
+        return self._answered(sky=protocol.category(sky, "sky") if sky is not None else None)
+
+    @check_arguments
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
         """The task's export of this view: COCO or LVIS results of one image.
 
@@ -341,25 +379,27 @@ class SceneView:
         protocol = self._protocol
         exporter = protocol.readout.exports if protocol else None
         if protocol is None or exporter is None:
-            labelled = [task.name for task in known_tasks() if task.family.labelled]
+            labelled = [task.name for task in known_tasks() if load_readout_family(task).exports]
             raise UsageError(
                 "only a view of a task with boxes or masks has predictions",
                 found=f"task {protocol.task.name}" if protocol else "a view without a task",
                 expected=f"view(task=...) of {', '.join(labelled)}",
             )
-        exports = exporter(protocol.card.reads, self._answered(image_id))
+        exports = exporter(protocol.card.reads, self._answered(image_id=image_id))
         entries: list[dict[str, Any]] = json.loads(
             canonical([prediction for prediction, _ in exports])
         )
         return entries
 
-    def _answered(self, image_id: int = 1) -> AnsweredImage:
+    def _answered(self, image_id: int = 1, sky: Category | None = None) -> AnsweredImage:
         return AnsweredImage(
             image_id=image_id,
             name=str(image_id),
             run=Path(),
             instances=self._inspection.grouping.instances,
             view=self._inspection.view,
+            vocabulary=self._protocol.vocabulary if self._protocol else None,
+            sky=sky,
         )
 
     @property
@@ -439,8 +479,9 @@ class SceneView:
     def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
         """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
 
-        Of a task of amodal masks also amodal.png, of boxes in space boxes3d.png (over the photo)
-        and plan.png (from above). Raises LegoWorldError for a photo of a different size.
+        Of a task of amodal masks also amodal.png, of label maps answer.png, of boxes in space
+        boxes3d.png (over the photo) and plan.png (from above). Raises LegoWorldError for a photo of
+        a different size.
         """
         if photo is not None:
             check_argument("folder", photo)
@@ -459,6 +500,9 @@ class SceneView:
             pictures.write_png(Path(folder) / "boxes3d.png", picture)
             plan = pictures.plan_picture({b.instance_id: b.corners_m for b in boxes}, _PLAN_PX)
             pictures.write_png(Path(folder) / "plan.png", plan)
+        drawn = self._protocol.readout.picture if self._protocol else None
+        if drawn is not None:
+            pictures.write_png(Path(folder) / "answer.png", drawn(self._answered()))
 
     def compared_with(self, other: SceneView) -> SourceComparison:
         """The disagreements between this view (of scene.blend) and another (of scene.glb)."""

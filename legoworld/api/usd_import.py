@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from legoworld.api.arguments import check_arguments
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, make_limits
 from legoworld.errors import UsageError
 from legoworld.scene.blender_process import BlenderProcess
@@ -12,9 +13,10 @@ from legoworld.scene.usd_labels import LabelLayer, refuse_missing_usd, write_lab
 from legoworld.workers.scratch import scratch_folder
 
 
+@check_arguments
 def import_usd(
-    file: Path,
-    output: Path,
+    usd: str | Path,
+    output: str | Path,
     *,
     overwrite: bool = False,
     time_limit_s: float = TIME_LIMIT_S,
@@ -27,6 +29,7 @@ def import_usd(
     and what a Blender process does.
     """
     refuse_missing_usd()
+    file, output = Path(usd), Path(output)
     blend = output / BLEND
     if blend.exists() and not overwrite:
         raise UsageError(f"{blend} already exists", next_step="pass --overwrite, or another -o")

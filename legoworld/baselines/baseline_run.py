@@ -177,12 +177,14 @@ def write_run(
         if own_file and row.status != "ok":
             (folder / own_file(row)).unlink(missing_ok=True)
     summary = summarise(configuration, rows)
+    readout = load_readout_family(task_named(configuration.task))
     run_folder.finish(
         folder,
         records=records,
         run=_run_document(configuration, baseline),
         summary=summary,
-        with_predictions=load_readout_family(task_named(configuration.task)).exports is not None,
+        with_predictions=readout.exports is not None,
+        complete=readout.complete,
     )
     return RunResult(rows=rows, summary=summary)
 

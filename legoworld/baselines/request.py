@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
 
 from msgspec.structs import replace
 
@@ -28,18 +27,6 @@ from legoworld.records.cards import OptionValue
 from legoworld.records.run_file import Configuration
 from legoworld.tracks.track import Track, TrackImage
 from legoworld.version import __version__
-
-
-class RequestOptions(TypedDict):
-    """The values of a `BaselineRequest` that a command passes through."""
-
-    photos: Path
-    batch_size: int
-    overwrite: bool
-    limit: int | None
-    image_ids: tuple[int, ...]
-    load_time_limit_s: float | None
-    pass_variables: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

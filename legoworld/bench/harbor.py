@@ -27,12 +27,12 @@ _ARTIFACTS: Final = (_WORKSPACE, f"{_WORKSPACE}.trajectory")
 class HarborOptions:
     """Machine settings of every task. Both images have legoworld and bpy."""
 
-    agent_image: str
-    verifier_image: str
-    agent_timeout_s: float
-    verifier_timeout_s: float
-    cpus: int
-    memory_mb: int
+    agent_image: str = "legoworld:latest"
+    verifier_image: str = "legoworld:latest"
+    agent_timeout_s: float = 3600
+    verifier_timeout_s: float = 900
+    cpus: int = 2
+    memory_mb: int = 8192
 
 
 def export_harbor(dataset: BenchDataset, output: Path, options: HarborOptions) -> list[Path]:

@@ -44,9 +44,10 @@ def _not_assessed(evaluation: Path, found: str) -> NotAssessedError:
     )
 
 
-def write_reward(evaluation: Path, output: Path) -> dict[str, float]:
+def bench_reward(evaluation: str | Path, output: str | Path) -> dict[str, float]:
     """Write reward.json; what is in it. NotAssessedError: an earlier reward.json is removed."""
-    output.unlink(missing_ok=True)
-    reward = read_reward(evaluation)
-    write_text(output, readable_json(reward))
+    path = Path(output)
+    path.unlink(missing_ok=True)
+    reward = read_reward(Path(evaluation))
+    write_text(path, readable_json(reward))
     return reward

@@ -8,7 +8,7 @@ from legoworld.commands import options
 from legoworld.commands.output import Output, table
 
 
-@click.group("agent")
+@options.group("agent")
 def command() -> None:
     """The coding agents that `legoworld reconstruct` can run, and what they need.
 

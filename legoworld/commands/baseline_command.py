@@ -11,7 +11,7 @@ from legoworld.commands.options import option
 from legoworld.commands.output import Output
 
 
-@click.group("baseline")
+@options.group("baseline")
 def command() -> None:
     """Run a specialist model over a track's photos, or import results, as a run folder.
 

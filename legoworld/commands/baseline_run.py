@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import Any
 
 import click
 
 from legoworld.commands import baseline_output, options
-from legoworld.commands.model_options import ModelOptions, model_options
+from legoworld.commands.model_options import model_options
 from legoworld.commands.options import flag, option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import AMOUNT, COUNT, EXISTING_FILE
 from legoworld.commands.progress import shown_progress
-
-if TYPE_CHECKING:
-    from legoworld.baselines.request import RequestOptions
 
 
 @click.command("run")
@@ -53,19 +51,7 @@ if TYPE_CHECKING:
 @flag("--resume", "Resume an interrupted run (the default).")
 @option("--overwrite")
 @options.printing
-def run_command(
-    name: str,
-    task: str,
-    track: Path,
-    output: Path,
-    model: ModelOptions,
-    label_map: Path | None,
-    prompts_from_truth: Path | None,
-    inputs: tuple[Path, ...],
-    resume: bool,
-    out: Output,
-    **given: Unpack[RequestOptions],
-) -> int:
+def run_command(name: str, output: Path, resume: bool, out: Output, **given: Any) -> int:
     """Run the baseline NAME over a track's photos, in its own process.
 
     Predictions are saved as they are made: re-run the same command to resume, with the same
@@ -84,48 +70,14 @@ def run_command(
       legoworld baseline run sam3 --task lvis --track lvis.json --photos coco \\
           --weights facebook/sam3 -o runs/sam3 --offline --option per_image=300
     """
-    from legoworld.baselines.baseline_run import run_baseline
-    from legoworld.baselines.cards import load_baseline
-    from legoworld.baselines.request import BaselineRequest, selected_images
-    from legoworld.baselines.truth_prompts import read_truth_prompts
+    from legoworld.api.baselines import baseline_run
 
     if resume and given["overwrite"]:
         raise click.UsageError(
             "--resume keeps existing results, --overwrite deletes them: pass one"
         )
-    card = load_baseline(name)
-    if task not in card.about.tasks:
-        raise click.UsageError(
-            f"the baseline {name} is for {', '.join(card.about.tasks)}, not for {task}"
-        )
-    if label_map is not None and not card.about.label_map:
-        raise click.UsageError(
-            f"the baseline {name} matches no labels by name, so --label-map would have no effect"
-        )
-    images, protocol = baseline_output.load_track_and_protocol(task, track)
-    given["load_time_limit_s"] = given["load_time_limit_s"] or model.time_limit_s
-    request = BaselineRequest(
-        **model.chosen(card, inputs),
-        **given,
-        protocol=protocol,
-        track=images,
-        run=output,
-        labels=baseline_output.labels(label_map, protocol),
-        prompts=(
-            read_truth_prompts(prompts_from_truth, images.images, card, task)
-            if prompts_from_truth
-            else None
-        ),
-    )
-    total = len(selected_images(images, given["image_ids"], given["limit"]))
-    with shown_progress("image", quiet=out.quiet) as shown:
-        shown.total(total)
-        baseline_output.warn_unconfined(request.confined, shown.notice)
-        result = run_baseline(
-            request,
-            progress=shown.row,
-            notice=shown.notice,
-            log=shown.notice if out.verbose and not out.quiet else lambda _line: None,
-            kept=shown.kept,
-        )
-    return baseline_output.show(result, output, out)
+    with shown_progress("image", quiet=out.quiet) as listener:
+        if out.verbose and not out.quiet:
+            listener = replace(listener, log=listener.notice)
+        run = baseline_run(name, output, listener=listener, **given)
+    return baseline_output.show(run, out)

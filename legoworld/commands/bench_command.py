@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import click
-
+from legoworld.commands import options
 from legoworld.commands.bench_export import export_command, reward_command
 from legoworld.commands.bench_make import make_command
 from legoworld.commands.bench_serve import serve_command
 from legoworld.commands.bench_table import judges_command, table_command
 
 
-@click.group("bench")
+@options.group("bench")
 def command() -> None:
     """Make reference cases from any scene, and use them: LEGO-Bench.
 

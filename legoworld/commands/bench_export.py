@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 import click
 
-from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FILE, FOLDER
 from legoworld.pluralize import plural
-
-if TYPE_CHECKING:
-    from legoworld.bench.harbor import HarborOptions
 
 _TIMEOUT: Final = click.FloatRange(min=1)
 
@@ -22,27 +18,21 @@ _TIMEOUT: Final = click.FloatRange(min=1)
 @click.argument("dataset", type=EXISTING_FOLDER)
 @click.option("--harbor", is_flag=True, required=True, help="Task folders for Harbor.")
 @option("--output", "Folder of the tasks.")
-@options.together(
-    "settings",
-    "legoworld.bench.harbor:HarborOptions",
-    option(
-        "--agent-image",
-        "Container image the agent works in; it has legoworld and Blender.",
-        default="legoworld:latest",
-    ),
-    option(
-        "--verifier-image",
-        "Container image with legoworld and bpy; the repository's Dockerfile builds one.",
-        default="legoworld:latest",
-    ),
-    option("--agent-timeout agent_timeout_s", "Seconds the agent has.", _TIMEOUT, default=3600),
-    option(
-        "--verifier-timeout verifier_timeout_s", "Seconds the verifier has.", _TIMEOUT, default=900
-    ),
-    option("--cpus", "CPU cores of agent and verifier.", COUNT, default=2),
-    option("--memory-mb", "Memory of agent and verifier.", click.IntRange(min=512), default=8192),
+@option(
+    "--agent-image",
+    "Container image the agent works in; it has legoworld and Blender.",
+    default="legoworld:latest",
 )
-def export_command(dataset: Path, harbor: bool, output: Path, settings: HarborOptions) -> int:
+@option(
+    "--verifier-image",
+    "Container image with legoworld and bpy; the repository's Dockerfile builds one.",
+    default="legoworld:latest",
+)
+@option("--agent-timeout agent_timeout_s", "Seconds the agent has.", _TIMEOUT, default=3600)
+@option("--verifier-timeout verifier_timeout_s", "Seconds the verifier has.", _TIMEOUT, default=900)
+@option("--cpus", "CPU cores of agent and verifier.", COUNT, default=2)
+@option("--memory-mb", "Memory of agent and verifier.", click.IntRange(min=512), default=8192)
+def export_command(dataset: Path, harbor: bool, output: Path, **settings: Any) -> int:
     """Write each case of DATASET as a task folder: instruction, environment, verifier.
 
     The agent's environment holds the picture and what the public half says. The private half of
@@ -53,11 +43,10 @@ def export_command(dataset: Path, harbor: bool, output: Path, settings: HarborOp
       legoworld bench export --harbor bench -o tasks
       legoworld bench export --harbor bench -o tasks --agent-image my/blender:5.0
     """
-    from legoworld.bench.harbor import export_harbor
-    from legoworld.evaluation.reconstruction.dataset import read_dataset
+    from legoworld.api.bench import bench_export
 
     assert harbor  # the only form there is
-    tasks = export_harbor(read_dataset(dataset / "private"), output, settings)
+    tasks = bench_export(dataset, output, **settings)
     click.echo(f"{plural(len(tasks), 'task', 'tasks')} -> {output}")
     return 0
 
@@ -76,8 +65,8 @@ def reward_command(evaluation: Path, output: Path) -> int:
       legoworld bench reward evals/one -o reward.json
       legoworld bench reward /tmp/evaluation -o /logs/verifier/reward.json
     """
-    from legoworld.bench.reward import write_reward
+    from legoworld.bench.reward import bench_reward
 
-    reward = write_reward(evaluation, output)
+    reward = bench_reward(evaluation, output)
     click.echo(f"reward {reward['reward']:.6f} -> {output}")
     return 0

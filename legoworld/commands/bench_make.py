@@ -14,14 +14,10 @@ from legoworld.commands.output import Output
 from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FOLDER, FROM_ZERO
 from legoworld.commands.progress import shown_progress
 from legoworld.pluralize import plural, share
-from legoworld.tasks.shipped import BENCH
 
 if TYPE_CHECKING:
     from legoworld.bench.dataset import MadeDataset
     from legoworld.bench.family import MadeFamily
-    from legoworld.scene.blender_process import Limits
-    from legoworld.scene.cache import SnapshotCache
-    from legoworld.workers.engines import EngineName
 
 
 @click.command("make")
@@ -49,23 +45,7 @@ if TYPE_CHECKING:
 @options.cache
 @options.limits
 @options.printing
-def make_command(
-    scenes: Path,
-    output: Path,
-    size_wh: tuple[int, int],
-    limit: int | None,
-    samples: int,
-    denoised: bool,
-    noise_seeds: int,
-    keep_scenes: Path | None,
-    require_frozen: bool,
-    workers: int | None,
-    overwrite: bool,
-    engine: EngineName,
-    cache: SnapshotCache | None,
-    limits: Limits,
-    out: Output,
-) -> int:
+def make_command(scenes: Path, output: Path, out: Output, **given: Any) -> int:
     """Make cases from reference SCENES: DATASET/public for agents, DATASET/private for evaluate.
 
     Every camera with a custom property `view` is a view, otherwise the active camera. The property
@@ -80,45 +60,10 @@ def make_command(
       legoworld bench make references -o bench
       legoworld bench make references -o bench --size 960x540 --keep-scenes itself
     """
-    from legoworld.bench.dataset import MakeRequest, make_dataset
-    from legoworld.bench.family import MakeOptions
-    from legoworld.cards import load_card
-    from legoworld.records.base import to_record
-    from legoworld.records.bench_dataset import PictureCard, RenderCard
-    from legoworld.records.run_rows import RunRow
-    from legoworld.workers.engines import engine_cores
+    from legoworld.api.bench import bench_make
 
-    card = load_card(BENCH)
-    workers = workers or engine_cores(engine)
-    request = MakeRequest(
-        scenes=scenes,
-        options=MakeOptions(
-            output=output.absolute(),
-            size_wh=size_wh,
-            picture=PictureCard(
-                engine="CYCLES", device="CPU", samples=samples, seed=0, denoised=denoised
-            ),
-            card=to_record(RenderCard, card.value("render")),
-            delta=card.value("scoring.delta"),
-            noise_seeds=noise_seeds,
-            scenes=keep_scenes.absolute() if keep_scenes else None,
-            cache=cache,
-            require_frozen=require_frozen,
-            threads=1,
-            notice=None if engine != "local" or out.as_json else out.notice,
-        ),
-        limits=limits,
-        engine=engine,
-        workers=workers,
-        limit=limit,
-        overwrite=overwrite,
-    )
     with shown_progress("scene", quiet=out.quiet) as listener:
-
-        def progress(made: MadeFamily) -> None:
-            listener.row(RunRow(image_id=0, file_name=made.family, status=made.status))
-
-        made = make_dataset(request, total=listener.total, progress=progress)
+        made = bench_make(scenes, output, listener=listener, **given)
     out.show(lambda: _document(made, output), _lines(made, output, verbose=out.verbose))
     return 1 if made.refused_families else 0
 

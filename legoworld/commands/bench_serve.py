@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from legoworld.commands import options
 from legoworld.commands.options import flag, option
 from legoworld.commands.param_types import EXISTING_FOLDER
-
-if TYPE_CHECKING:
-    from legoworld.scene.blender_process import Limits
-    from legoworld.scene.cache import SnapshotCache
 
 
 @click.command("serve")
@@ -31,15 +27,7 @@ if TYPE_CHECKING:
 @option("--workers")
 @options.cache
 @options.limits
-def serve_command(
-    dataset: Path,
-    root: Path,
-    render: bool,
-    diagnostics: bool,
-    workers: int | None,
-    cache: SnapshotCache | None,
-    limits: Limits,
-) -> int:
+def serve_command(dataset: Path, **given: Any) -> int:
     """Score submissions as they come: JSON lines on standard input, scores on standard output.
 
     A request is {"scene": folder, "image_id": number} with an optional "id", which its answer has,
@@ -54,30 +42,8 @@ def serve_command(
       legoworld bench serve bench < requests.jsonl > scores.jsonl
       legoworld bench serve bench --root submissions --no-render --workers 2 < requests.jsonl
     """
-    from legoworld.bench.server import ScoreServer, ServeOptions
-    from legoworld.evaluation.reconstruction.dataset import read_dataset
-    from legoworld.evaluation.reconstruction.protocol import bench_protocol
+    from legoworld.api.bench import bench_serve
     from legoworld.records.base import canonical
-    from legoworld.records.bench_serving import ServeAnswer
-    from legoworld.running.submission import bench_rules
-    from legoworld.workers.processors import usable_cores
 
-    bench = bench_protocol()
-    count = workers or usable_cores()
-    serving = ServeOptions(
-        root=root.absolute(),
-        dataset=read_dataset(dataset / "private"),
-        bench=bench,
-        rules=bench_rules(bench.card, render=render, noise=False, facts=render),
-        diagnostics=diagnostics,
-        cache=cache,
-        limits=limits,
-        threads=max(1, usable_cores() // count),
-    )
-
-    def say(answer: ServeAnswer) -> None:
-        click.echo(canonical(answer))
-
-    with ScoreServer(serving, count) as server:
-        server.serve(sys.stdin.buffer, say)
+    bench_serve(dataset, sys.stdin.buffer, lambda answer: click.echo(canonical(answer)), **given)
     return 0

@@ -39,17 +39,12 @@ def table_command(
       legoworld bench table evals/mine -o table
       legoworld bench table evals/a1 evals/a2 evals/a3 evals/b1 evals/b2 evals/b3 -o table
     """
-    from legoworld.comparison.leaderboard import (
-        leaderboard,
-        read_entries,
-        wide_table,
-        write_leaderboard,
-    )
+    from legoworld.api.bench import bench_table
+    from legoworld.comparison.leaderboard import wide_table
     from legoworld.records.base import as_json as plain
     from legoworld.tables.terminal import terminal
 
-    board = leaderboard(read_entries(evaluations), draws=draws, seed=seed)
-    write_leaderboard(output, board, overwrite=overwrite)
+    board = bench_table(evaluations, output, draws=draws, seed=seed, overwrite=overwrite)
     if out.as_json:
         print_json({"folder": str(output), "leaderboard": plain(board)})
         return 0
@@ -62,10 +57,10 @@ def table_command(
 @click.command("judges")
 @click.argument("judgements", type=EXISTING_FILE)
 @click.argument("evaluations", nargs=-1, type=EXISTING_FOLDER)
-@option("--output", "Also write the result as JSON.", FILE, required=False)
+@option("-o --output json_file", "Also write the result as JSON.", FILE, required=False)
 @options.printing
 def judges_command(
-    judgements: Path, evaluations: tuple[Path, ...], output: Path | None, out: Output
+    judgements: Path, evaluations: tuple[Path, ...], json_file: Path | None, out: Output
 ) -> int:
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
@@ -82,21 +77,10 @@ def judges_command(
       legoworld bench judges judgements.jsonl -o judges.json
       legoworld bench judges judgements.jsonl evals/a evals/b
     """
-    from legoworld.comparison.leaderboard import case_scores, read_entries
-    from legoworld.evaluation.reconstruction.judges import judge_agreement
-    from legoworld.files import sha256_of_file, write_text
+    from legoworld.api.bench import bench_judges
     from legoworld.records.base import as_json as plain
-    from legoworld.records.base import readable
-    from legoworld.records.folders.read_evaluation import EVIDENCE
 
-    sides = read_entries(evaluations) if evaluations else []
-    agreement = judge_agreement(
-        judgements,
-        {side.name: case_scores(side) for side in sides} if sides else None,
-        {side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
-    )
-    if output is not None:
-        write_text(output, readable(agreement))
+    agreement = bench_judges(judgements, evaluations, json_file)
     if out.as_json:
         print_json(plain(agreement))
         return 0

@@ -6,7 +6,7 @@ import contextlib
 import signal
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 
 _MEMORY: Final = options.memory_bytes("Blender and what it starts")
 _DAY_S = 86_400.0
-_FINALISE_S = 600.0
 
 
-@click.group("blender")
+@options.group("blender")
 def command() -> None:
     """A headless Blender that coding agents drive.
 
@@ -140,12 +139,10 @@ def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> i
 @command.command("finalise")
 @click.argument("workspace", type=EXISTING_FOLDER)
 @option("--output", "The scene folder to be.")
-@options.protections()
-@_MEMORY
+@option("--sandbox")
+@option("--memory-limit", "Memory limit of Blender and what it starts, in GiB.")
 @options.printing
-def finalise(
-    workspace: Path, output: Path, held: Protections, memory_bytes: int, out: Output
-) -> int:
+def finalise(workspace: Path, output: Path, out: Output, **given: Any) -> int:
     """Export the submission of WORKSPACE, the way `legoworld reconstruct` does for every agent.
 
     That is the scene.blend that was saved last, and where there is none, or none that opens, the
@@ -157,11 +154,9 @@ def finalise(
       legoworld blender finalise work -o scenes/coffee
       legoworld blender finalise work -o scenes/coffee --json
     """
-    from legoworld.endpoint.workspace_finalisation import finalise_workspace
-    from legoworld.workers.sandbox import SandboxLimits
+    from legoworld.endpoint.workspace_finalisation import blender_finalise
 
-    limits = SandboxLimits(time_s=_FINALISE_S, memory_bytes=memory_bytes)
-    found = finalise_workspace(workspace, output, limits=limits, held=held)
+    found = blender_finalise(workspace, output, **given)
     if out.as_json:
         print_json({"finalisation": found})
     elif found.source == "none":

@@ -8,10 +8,11 @@ import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, get_args
 
 import click
 
+from legoworld import extras
 from legoworld.commands import options
 from legoworld.commands.output import Output, table
 from legoworld.pluralize import plural
@@ -59,7 +60,9 @@ def command(out: Output) -> int:
         _lvis(),
         _cache(),
         _sandbox(),
+        *_extras(),
         *_tasks(),
+        _agents_server(),
         *_baselines(),
     ]
     bad = [f for f in findings if not f.good and f.needed]
@@ -177,6 +180,34 @@ def _lvis() -> Finding:
         if is_installed()
         else "the lvis package is not installed",
         next_step=f"{HOW_TO_INSTALL} (to score --task lvis)",
+        needed=False,
+    )
+
+
+def _extras() -> list[Finding]:
+    """One finding per optional extra: whether its packages are installed."""
+    return [
+        Finding(
+            name=f"extra {extra}",
+            good=not (lacking := extras.lacking(extra)),
+            found=f"not installed: {', '.join(lacking)}" if lacking else "installed",
+            next_step=extras.install_command(extra),
+            needed=False,
+        )
+        for extra in get_args(extras.Extra)
+    ]
+
+
+def _agents_server() -> Finding:
+    """The server through which agents reach Blender, in its own environment."""
+    from legoworld.agents.mcp_server import server_problems
+
+    problems = server_problems()
+    return Finding(
+        name="agents' server",
+        good=not problems,
+        found="; ".join(problems) or "mcp-for-blender is installed",
+        next_step="legoworld agent install (for `reconstruct` and `blender mcp`)",
         needed=False,
     )
 

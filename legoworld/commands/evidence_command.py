@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -14,7 +13,7 @@ from legoworld.commands.param_types import EXISTING_FOLDER
 from legoworld.pluralize import share, word_for
 
 
-@click.group("evidence")
+@options.group("evidence")
 def command() -> None:
     """Verify the evidence of an evaluation or a comparison: recorded hashes and numbers.
 
@@ -47,18 +46,9 @@ def verify_command(folder: Path, root: Path | None, out: Output) -> int:
       legoworld evidence verify evals/coco --root /data
       legoworld evidence verify comparisons/coco
     """
-    from legoworld.api.by_task import folders_of_tasks
-    from legoworld.comparison.folder import KINDS
-    from legoworld.comparison.verification import verify_comparison
-    from legoworld.evaluation.evidence import verify
-    from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
+    from legoworld.api.evidence import evidence_verify
 
-    checks = []
-    for one in folders_of_tasks(folder, EVIDENCE):
-        kind = read_evidence(one, ("evaluation", *KINDS)).kind
-        found = verify_comparison(one, root) if kind in KINDS else verify(one, root)
-        prefix = f"{one.name}: " if one != folder else ""
-        checks += [replace(check, what=prefix + check.what) for check in found]
+    checks = evidence_verify(folder, root=root)
     bad = [check for check in checks if check.status != "ok"]
     rows = [(check.status, check.what, check.found) for check in (checks if out.verbose else bad)]
     n_good = len(checks) - len(bad)

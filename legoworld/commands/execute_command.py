@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output
@@ -15,8 +16,6 @@ from legoworld.commands.param_types import EXISTING_FILE
 
 if TYPE_CHECKING:
     from legoworld.records.execution import ExecutionFile
-    from legoworld.scene.blender_process import Limits
-    from legoworld.workers.protections import Confinement
 
 
 @click.command("execute")
@@ -27,20 +26,12 @@ if TYPE_CHECKING:
 @option("--sandbox")
 @options.limits
 @options.printing
-def command(
-    program: Path,
-    output: Path,
-    picture: bool,
-    inputs: tuple[Path, ...],
-    sandbox: Confinement,
-    limits: Limits,
-    out: Output,
-) -> int:
+def command(program: Path, output: Path, out: Output, **given: Any) -> int:
     """Run a scene PROGRAM in its own process; export scene.blend, scene.glb and final.png.
 
     The program starts in an empty folder with Blender's start-up scene. Its own render calls are
     skipped. If it stops with an error, the partial scene is still exported, execution.json records
-    the line and the error, and the exit code is 1.
+    the line and the error, and the exit code is 1. It is 5 when the exported scene cannot be read.
 
     A program is untrusted code. With bubblewrap it has no network, writes only to its own empty
     folder and reads none of your files except PROGRAM and each --input. Without bubblewrap its
@@ -53,25 +44,17 @@ def command(
       legoworld execute scene.py -o scenes/coffee --time-limit 600
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
-    from legoworld.scene.programs.execution import execute
-    from legoworld.workers.protections import protections
+    from legoworld.api.scene_folders import execute
 
-    held = protections(sandbox)
-    if held.bubblewrap is None:
-        out.notice(
-            f"warning: without bubblewrap ({held.why_not}) the program runs with your permissions; "
-            f"limited: {', '.join(held.holds)}; not limited: {', '.join(held.does_not_hold)}"
-        )
-    result = execute(
-        program, output, limits=limits, picture=picture, sandbox=sandbox, inputs=inputs,
-        notice=out.notice,
-    )  # fmt: skip
+    result = execute(program, output, listener=out.listener(), **given)
     out.show(
         {"status": result.status, "error": result.error, "files": list(result.files),
          "warnings": list(result.warnings), "check": result.check, "sandbox": result.sandbox},
         _lines(result, program, output, out),
     )  # fmt: skip
-    return 1 if result.error else 0
+    if result.check and result.check.status != "ok":
+        return exit_codes.NOT_ASSESSED
+    return exit_codes.INCOMPLETE if result.error else exit_codes.DONE
 
 
 def _lines(result: ExecutionFile, program: Path, output: Path, out: Output) -> Iterator[str]:

@@ -12,7 +12,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, Choice, TaskChoice
-from legoworld.exports.formats import FORMAT_NAMES
+from legoworld.exports.formats import FORMAT_NAMES, find_format
 from legoworld.pluralize import plural
 
 if TYPE_CHECKING:
@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 @click.command("export")
 @click.argument("run_or_scenes", type=EXISTING_FOLDER)
 @option("--format", "Output format.", Choice(FORMAT_NAMES), default="coco")
-@option("--output", "File or folder to write.", click.Path(path_type=Path))
+@option(
+    "--output",
+    "File or folder to write [default: legoworld-runs/<NAME>-<FORMAT>].",
+    click.Path(path_type=Path),
+    required=False,
+)
 @option(
     "--task",
     "Of scenes: task whose vocabulary resolves the labels [default: every label counts].",
@@ -37,13 +42,13 @@ if TYPE_CHECKING:
 @option("--source")
 @option("--require-frozen")
 @option("--overwrite", "Replace an existing file, or a folder of an earlier export.")
-@options.api_cache
-@options.api_limits
+@options.cache
+@options.limits
 @options.printing_json
 def command(
     run_or_scenes: Path,
     format: str,  # noqa: A002
-    output: Path,
+    output: Path | None,
     task: str | None,
     track: Path | None,
     size_wh: tuple[int, int] | None,
@@ -72,6 +77,10 @@ def command(
     """
     from legoworld.api.exporting import export, is_run
 
+    if output is None:
+        suffix = ".json" if find_format(format).views is None else ""
+        name = f"{run_or_scenes.resolve().name}-{format}{suffix}"
+        output = Path("legoworld-runs") / name
     if is_run(run_or_scenes):
         names = ["task", "size_wh", "source", "require_frozen"]
         options.refuse_given(names, "is for scenes: a run has its own")

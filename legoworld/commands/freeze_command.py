@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,9 +18,6 @@ from legoworld.pluralize import plural, share
 
 if TYPE_CHECKING:
     from legoworld.records.frozen import FrozenRow
-    from legoworld.scene.blender_process import Limits
-    from legoworld.scene.cache import SnapshotCache
-    from legoworld.workers.engines import EngineName
 
 
 @click.command("freeze")
@@ -30,14 +27,7 @@ if TYPE_CHECKING:
 @options.cache
 @options.limits
 @options.printing
-def command(
-    scenes: Path,
-    workers: int | None,
-    engine: EngineName,
-    cache: SnapshotCache | None,
-    limits: Limits,
-    out: Output,
-) -> int:
+def command(scenes: Path, out: Output, **given: Any) -> int:
     """Check every scene below SCENES and write its frozen.json.
 
     Checks: scene.blend opens in Blender with a camera and a surface; scene.glb, if present, is
@@ -50,22 +40,10 @@ def command(
       legoworld freeze scenes
       legoworld freeze scenes/000000000139 --json
     """
-    from legoworld.records.run_rows import RunRow
-    from legoworld.running.freeze_run import freeze_scenes
-    from legoworld.workers.engines import engine_cores
+    from legoworld.api.scene_folders import freeze
 
     with shown_progress("scene", quiet=out.quiet) as listener:
-        rows = freeze_scenes(
-            scenes,
-            engine=engine,
-            workers=workers or engine_cores(engine),
-            cache=cache,
-            limits=limits,
-            total=listener.total,
-            row=lambda row: listener.row(
-                RunRow(image_id=0, file_name=row.scene, status=row.status)
-            ),
-        )
+        rows = freeze(scenes, listener=listener, **given)
     bad = [row for row in rows if row.status != "ok"]
     out.show({"scenes": rows}, _lines(rows, bad, out))
     return 1 if bad else 0

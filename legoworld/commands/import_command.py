@@ -17,7 +17,7 @@ from legoworld.pluralize import plural
 @click.argument("usd", type=EXISTING_FILE)
 @option("--output", "Scene folder, which gets scene.blend.")
 @option("--overwrite", "Replace scene.blend.")
-@options.api_limits
+@options.limits
 @options.printing_json
 def command(
     usd: Path,

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 )
 @flag("--allow-changed", "Inspect a scene even if its files changed since it was frozen.")
 @option("--output", "Folder for buffers and pictures.", required=False)
-@options.api_cache
-@options.api_limits
+@options.cache
+@options.limits
 @options.printing
 def command(
     scene: Place,

@@ -12,7 +12,7 @@ from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output, table
-from legoworld.commands.param_types import Choice, TaskChoice, has_track
+from legoworld.commands.param_types import Choice, TaskChoice
 from legoworld.records.formats import FORMATS, schema_text
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import broken_tasks, known_tasks
@@ -31,7 +31,7 @@ C = TypeVar("C", bound="LicensedHead")
 @option(
     "--task",
     "List only entries for this task; schema: the task to describe [default: coco].",
-    TaskChoice(has_track),
+    TaskChoice(),
 )
 @option("--track", "schema: track whose vocabulary is printed; sets the task if it records one.")
 @option(

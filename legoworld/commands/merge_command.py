@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import click
@@ -16,7 +15,6 @@ from legoworld.remote import Place
 
 if TYPE_CHECKING:
     from legoworld.commands.output import Document
-    from legoworld.records.run_file import RunSummary
 
 
 @click.command("merge")
@@ -44,33 +42,17 @@ def command(
       legoworld merge shards/* -o run --images-per-file 1000
       legoworld merge s3://bucket/shards/1 s3://bucket/shards/2 -o run
     """
-    from legoworld.api.by_task import folder_of_task, tasks_below
-    from legoworld.api.family_options import options_by_task
-    from legoworld.api.folders import read_from, written_at
-    from legoworld.records.folders.read_run import RUN
-    from legoworld.running.merge_shards import merge_shards
+    from legoworld.api.by_task import ByTask
+    from legoworld.api.merging import merge
 
-    with ExitStack() as stack:
-        here = [stack.enter_context(read_from(shard)) for shard in shards]
-        tasks = tasks_below(here[0], RUN)
-        results: dict[Place, RunSummary] = {}
-        divided = options_by_task(tasks, images_per_file=images_per_file) if tasks else {}
-        names: list[str | None] = [*tasks] or [None]
-        for task in names:
-            place = output if task is None else folder_of_task(output, task)
-            parts = here if task is None else [shard / task for shard in here]
-            folder = stack.enter_context(written_at(place, last=RUN))
-            per_file = divided[task].get("images_per_file") if task else images_per_file
-            results[place] = merge_shards(
-                parts, folder, images_per_file=per_file, overwrite=overwrite
-            ).summary
-    merged: list[Document] = [{"run": str(place), "summary": one} for place, one in results.items()]
+    merged = merge(shards, output, images_per_file=images_per_file, overwrite=overwrite)
+    runs = [*merged.values()] if isinstance(merged, ByTask) else [merged]
+    documents: list[Document] = [{"run": str(one.folder), "summary": one.summary} for one in runs]
     given = plural(len(shards), "run", "shards")
     lines = (
-        f"{given}, {share(one.coverage.ok, one.coverage.attempted, 'image', 'images')} read "
-        f"-> {place}"
-        for place, one in results.items()
+        f"{given}, {share(coverage.ok, coverage.attempted, 'image', 'images')} read -> {one.folder}"
+        for one in runs
+        for coverage in [one.summary.coverage]
     )
-    out.show({"runs": merged} if tasks else merged[0], lines)
-    whole = all(one.coverage.ok == one.coverage.attempted for one in results.values())
-    return 0 if whole else 1
+    out.show({"runs": documents} if isinstance(merged, ByTask) else documents[0], lines)
+    return 0 if all(one.complete for one in runs) else 1

@@ -28,12 +28,13 @@ from legoworld.commands.param_types import (
 )
 
 if TYPE_CHECKING:
-    from legoworld.scene.cache import SnapshotCache
     from legoworld.workers.protections import Confinement, Protections
 
 F = TypeVar("F", bound=Callable[..., Any])
 _FLAG: Final = {"is_flag": True}
-ANNOTATIONS: Final = "COCO or LVIS annotations (JSON), or a folder of measured depth."
+ANNOTATIONS: Final = (
+    "COCO, LVIS or panoptic annotations (JSON), or a folder of measured depth, normals or classes."
+)
 
 #: The names of an option, the last one its parameter's; its help; and what else click is told. A
 #: command's own help and settings go before these. "": every command has its own help.
@@ -98,7 +99,7 @@ SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
     ("--space", "", {"type": Choice(["depth", "disparity", "ray_distance"])}),
     ("--label-map", 'JSON {"their label": "category name" or null}.', {"type": EXISTING_FILE}),
     ("--ledger", "", {"type": FOLDER, "default": Path("legoworld-ledger")}),
-    ("--without off", "Leave a module of the plugin out, for ablations; repeatable.",
+    ("--without", "Leave a module of the plugin out, for ablations; repeatable.",
      {"multiple": True}),
     ("--regions", "", {"multiple": True}),
     ("--evidence", "Folder of `legoworld plugin evidence`.", {"type": EXISTING_FOLDER}),
@@ -110,6 +111,21 @@ SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
         _FLAG,
     ),
 ]  # fmt: skip
+
+
+class _Group(click.Group):
+    """A group whose help has the whole first sentence of each command."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands; click alone would cut their sentences at the width."""
+        known = [(name, self.commands[name]) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.get_short_help_str(1000)) for name, one in known])
+
+
+def group(name: str) -> Callable[[Callable[[], None]], click.Group]:
+    """click's group, with that help."""
+    return click.group(name, cls=_Group)
 
 
 class Decorator(Protocol):
@@ -222,29 +238,18 @@ def _cache(cache: Path | None, no_cache: bool) -> bool | Path:
     return not why
 
 
-def _snapshot_cache(**given: Any) -> SnapshotCache | None:
-    from legoworld.api.settings import snapshot_cache
-
-    return snapshot_cache(_cache(**given))
-
-
 def _protections(sandbox: Confinement, *, network: bool = False) -> Protections:
     from legoworld.workers.protections import protections
 
     return protections(sandbox, network=network)
 
 
-_LIMITS: Final = (
+#: Limits of each Blender process, and the snapshot cache, as the Python API's arguments.
+limits: Final = all_of(
     option("--memory-limit", envvar="LEGOWORLD_MEMORY_LIMIT"),
     option("--time-limit", default=120.0, envvar="LEGOWORLD_TIME_LIMIT"),
 )
-#: Limits of each Blender process as the Python API's arguments, or as `limits: Limits`.
-api_limits: Final = all_of(*_LIMITS)
-limits: Final = together("limits", "legoworld.api.settings:make_limits", *_LIMITS)
-_CACHE: Final = (option("--no-cache"), option("--cache"))
-#: The snapshot cache as the Python API's `cache: bool | Path`, or as a `SnapshotCache | None`.
-api_cache: Final = together("cache", _cache, *_CACHE)
-cache: Final = together("cache", _snapshot_cache, *_CACHE)
+cache: Final = together("cache", _cache, option("--no-cache"), option("--cache"))
 #: -v, -q and --json as `out: Output`; or --json alone.
 printing: Final = together("out", Output, option("--verbose"), option("--quiet"), option("--json"))
 printing_json: Final = together("out", Output, option("--json"))

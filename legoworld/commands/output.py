@@ -19,6 +19,7 @@ from legoworld.tables.table import table as of_cells
 from legoworld.tables.terminal import terminal
 
 if TYPE_CHECKING:
+    from legoworld.api.listener import Listener
     from legoworld.records.base import Storable
 
     Document = Mapping[str, Storable]
@@ -51,6 +52,16 @@ class Output:
         """Print a traceback on standard error with --verbose, regardless of -q."""
         if self.verbose:
             click.echo(text, err=True)
+
+    def listener(self) -> Listener:
+        """Notices and warnings on standard error, unless --quiet; tracebacks with --verbose."""
+        from legoworld.api.listener import Listener
+
+        return Listener(notice=self.notice, warn=self.warn, trace=self.trace)
+
+    def warn(self, text: str) -> None:
+        """Print a warning on standard error, unless --quiet."""
+        self.notice(f"warning: {text}")
 
     def show(self, document: Document | Callable[[], Document], text: str | Iterable[str]) -> None:
         """Print the document with --json, otherwise the text, or its lines as they come."""

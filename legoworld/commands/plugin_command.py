@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _DIALECTS: Final = Choice(["claude", "codex", "cursor"])
 
 
-@click.group("plugin")
+@options.group("plugin")
 def command() -> None:
     """Measure a live scene against a photo, and guard edits to it.
 
@@ -87,9 +87,9 @@ def replay(ledger: Path) -> int:
       legoworld plugin replay case-1
       legoworld plugin replay legoworld-ledger
     """
-    from legoworld.plugin.ledger import check_ledger
+    from legoworld.plugin.ledger import plugin_replay
 
-    entries = check_ledger(ledger)
+    entries = plugin_replay(ledger)
     rows = [
         (e.seq, e.tool, e.transaction or "", "failed" if e.error else e.phase,
          (e.scene_signature or "")[:12])

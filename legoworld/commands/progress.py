@@ -56,15 +56,16 @@ class LineProgress:
 @contextmanager
 def shown_progress(unit: str, *, quiet: bool) -> Iterator[Listener]:
     """A progress bar on standard error that starts at the kept units; lines without a terminal."""
-    say = Output(quiet=quiet).notice
+    out = Output(quiet=quiet)
+    say = out.notice
     if not quiet and not on_terminal():
         counter = LineProgress(unit, say, time.monotonic)
         yield Listener(
-            total=counter.total, row=counter, kept=counter.count_kept, notice=say, warn=say
+            total=counter.total, row=counter, kept=counter.count_kept, notice=say, warn=out.warn
         )
         return
     if quiet:
-        yield Listener(notice=say, warn=say)
+        yield Listener(notice=say, warn=out.warn)
         return
     from tqdm import tqdm
 
@@ -90,4 +91,7 @@ def shown_progress(unit: str, *, quiet: bool) -> Iterator[Listener]:
         def write(text: str) -> None:
             bar.write(text, file=sys.stderr)
 
-        yield Listener(total=total, row=row, kept=kept, notice=write, warn=write)
+        def warn(text: str) -> None:
+            write(f"warning: {text}")
+
+        yield Listener(total=total, row=row, kept=kept, notice=write, warn=warn)

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 )
 @option("--workers")
 @option("--source")
-@options.api_cache
+@options.cache
 @option("--require-frozen")
 @option("--limit")
 @option("--image-id")
@@ -60,11 +60,12 @@ if TYPE_CHECKING:
 @option("--engine")
 @option("--images-per-file")
 @option("--max-side", "Depth and normals: longest side of the rendered image, in pixels.", COUNT)
+@option("--sky", "Panoptic, semantic: category of pixels without geometry [default: VOID].")
 @option("--no-render", "Bench only: R without A, no Cycles render.")
 @flag("--render-noise", "Bench only: render a second seed and compare.")
 @option("--overwrite")
 @flag("--fail-fast", "Stop at the first scene that cannot be read.")
-@options.api_limits
+@options.limits
 @options.printing
 def command(
     scenes: Place | None,
@@ -73,7 +74,7 @@ def command(
     out: Output,
     **given: Unpack[ReadoutOptions],
 ) -> int:
-    """Read COCO boxes or masks, LVIS masks, depth or bench submissions out of frozen SCENES.
+    """Read boxes, masks, segments, depth, normals or bench submissions out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
     --track every scene folder is an image. Several --task write RUNS/<task> for each, byte for byte

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,31 +13,9 @@ from legoworld.commands.options import flag, option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import COUNT, EXISTING, EXISTING_FILE, EXISTING_FOLDER, Choice
 from legoworld.plugin.modules import MODULES
-from legoworld.workers.engines import EngineName
 
 if TYPE_CHECKING:
-    from legoworld.agents.run_plan import RunOptions
-    from legoworld.agents.trial_plugin import PluginOptions
-
-
-def _plugin(
-    on: bool, off: tuple[str, ...], regions: tuple[Path, ...], depth: Path | None
-) -> PluginOptions | None:
-    from legoworld.agents.trial_plugin import PluginOptions
-    from legoworld.errors import UsageError
-    from legoworld.plugin.modules import modules_without
-
-    if on:
-        modules = modules_without(off)
-        return PluginOptions(modules=modules, regions=regions, depth=depth)
-    if off or regions or depth:
-        raise UsageError(
-            "an option of the plugin is given without it",
-            found="--without, --regions or --depth",
-            expected="--plugin",
-            next_step="pass --plugin, or leave them out",
-        )
-    return None
+    from legoworld.records.agents import TrialRow
 
 
 @click.command("reconstruct")
@@ -52,38 +31,21 @@ def _plugin(
 @option("--repeat", "Independent runs; above 1 each has a folder run_K.", COUNT, default=1)
 @option("--workers", "Trials at once.", default=1)
 @option(
-    "--time-limit time_limit_s",
+    "--time-limit trial_limit_s",
     "Seconds of one trial [default: the card's].",
     click.FloatRange(min=1),
 )
-@options.memory_bytes("Blender, and of the agent")
+@option("--memory-limit", "Memory limit of Blender, and of the agent, in GiB.")
 @option("--sandbox")
-@options.together(
-    "plugin",
-    _plugin,
-    flag("--plugin on", "Give agents the plugin's server as well."),
-    option("--without", kind=Choice(MODULES)),
-    option(
-        "--regions",
-        "The plugin's regions: a run or results of boxes or masks; repeatable.",
-        EXISTING,
-    ),
-    option(
-        "--depth", "The plugin's depth: a run of depth, or arrays by photo name.", EXISTING_FOLDER
-    ),
+@flag("--plugin", "Give agents the plugin's server as well.")
+@option("--without", kind=Choice(MODULES))
+@option(
+    "--regions", "The plugin's regions: a run or results of boxes or masks; repeatable.", EXISTING
 )
+@option("--depth", "The plugin's depth: a run of depth, or arrays by photo name.", EXISTING_FOLDER)
 @option("--engine")
 @options.printing
-def command(
-    track: Path,
-    output: Path,
-    limit: int | None,
-    repeat: int,
-    workers: int,
-    engine: EngineName,
-    out: Output,
-    **given: Unpack[RunOptions],
-) -> int:
+def command(track: Path, output: Path, out: Output, **given: Any) -> int:
     """Have an agent rebuild every photo of TRACK in Blender; each becomes a frozen scene folder.
 
     Each image gets a workspace of its own with the photo, its public metadata and the prompt, a
@@ -99,15 +61,9 @@ def command(
       legoworld reconstruct track.json --photos val2017 --agent claude --plugin \\
           --regions sam3-run --depth da3-run -o scenes-plugin
     """
-    from legoworld.agents.reconstruct import Progress, TrialRow, reconstruct
-    from legoworld.agents.run_plan import plan_run
+    from legoworld.agents.campaign import reconstruct
     from legoworld.pluralize import share
 
-    plan = plan_run(track, output=output, **given)
-    for held, who in ((plan.agent_held, plan.card.name), (plan.blender_held, "Blender")):
-        if held.does_not_hold:
-            out.notice(f"not kept from {who}: {', '.join(held.does_not_hold)}")
-    images = plan.work.track.images[:limit]
     done = tokens = total = 0
     dollars = 0.0
 
@@ -128,10 +84,8 @@ def command(
             f"{done}/{total} {row.scene} ({kept}, {row.checkpoints} checkpoints{spent}){said}"
         )
 
-    rows = reconstruct(
-        plan, output, images=images, repeat=repeat, workers=workers, engine=engine,
-        progress=Progress(total=count, row=told),
-    )  # fmt: skip
+    listener = replace(out.listener(), total=count, trial=told)
+    rows = reconstruct(track, output, listener=listener, **given)
     good = sum(row.status == "ok" for row in rows)
     shown = f"{share(good, len(rows), 'trial', 'trials')} left a scene -> {output}"
     out.show({"trials": rows}, shown)

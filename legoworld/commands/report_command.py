@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 import click
@@ -22,7 +21,7 @@ from legoworld.pluralize import plural, share, word_for
     required=False,
 )
 @option(
-    "--scenes",
+    "--scenes scene_folders",
     "Where the scene folders lie, for renders and 3D; may be given again [default: without].",
     EXISTING_FOLDER,
     multiple=True,
@@ -32,7 +31,7 @@ from legoworld.pluralize import plural, share, word_for
 def command(
     folders: tuple[Path, ...],
     photos: Path | None,
-    scenes: tuple[Path, ...],
+    scene_folders: tuple[Path, ...],
     output: Path,
     out: Output,
 ) -> int:
@@ -51,32 +50,21 @@ def command(
       legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
       legoworld report evals/agent-1 evals/agent-2 -o bench.html
     """
-    from legoworld.api.by_task import folders_of_tasks
-    from legoworld.records.folders.read_evaluation import EVIDENCE
-    from legoworld.report.document import page_document
-    from legoworld.report.page_file import write_page
-    from legoworld.report.sources import read_sources
+    from legoworld.api.report_page import write_report
 
-    sources = [one for folder in folders for one in folders_of_tasks(folder, EVIDENCE)]
-    document = page_document(read_sources(sources), photos, scenes)
-    words = ["legoworld", "report", *(f.resolve().name for f in folders)]
-    words += ["--photos", "PHOTOS"] if photos else []
-    words += ["--scenes", "SCENES"] * len(scenes)
-    written = write_page(document, output, commands=[shlex.join([*words, "-o", "report.html"])])
-    missing = sum(view.photo is None for view in document.views)
-    if missing:
-        views = share(missing, len(document.views), "view", "views")
+    page = write_report(folders, output, photos=photos, scene_folders=scene_folders)
+    if missing := page.views_without_photo:
+        views = share(missing, page.views, "view", "views")
         out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")
-    more = f" and {written.beside}" if written.beside else ""
-    views = plural(len(document.views), "view", "views")
+    more = f" and {page.beside}" if page.beside else ""
     out.show(
         {
             "report": str(output),
-            "beside": str(written.beside) if written.beside else None,
-            "bytes": written.n_bytes,
-            "views": len(document.views),
+            "beside": str(page.beside) if page.beside else None,
+            "bytes": page.n_bytes,
+            "views": page.views,
             "views_without_photo": missing,
         },
-        f"{views}, {written.n_bytes / 1e6:.1f} MB -> {output}{more}",
+        f"{plural(page.views, 'view', 'views')}, {page.n_bytes / 1e6:.1f} MB -> {output}{more}",
     )
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,7 +18,7 @@ from legoworld.pluralize import plural
 from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
-    from legoworld.api.one_photo import PhotoOptions, PhotoScore
+    from legoworld.api.one_photo import PhotoScore
     from legoworld.records.base import Storable
 
 
@@ -39,17 +39,11 @@ _SHORT = 5
     "kept, in legoworld-runs].",
     required=False,
 )
-@options.api_cache
+@options.cache
 @options.limits
 @options.printing
 def command(
-    program_or_scene: Path,
-    photo: Path,
-    task: str,
-    output: Path | None,
-    cache: bool | Path,
-    out: Output,
-    **given: Unpack[PhotoOptions],
+    program_or_scene: Path, photo: Path, task: str, output: Path | None, out: Output, **given: Any
 ) -> int:
     """Score one PROGRAM_OR_SCENE, a .py or a scene folder, against one photo's ground truth.
 
@@ -64,29 +58,24 @@ def command(
       legoworld score scenes/coffee --photo coffee.png --truth truth_lvis.json --task lvis -o look
       legoworld score scenes/000000000139 --photo 139.jpg --image 139 --truth instances.json
     """
-    from legoworld.api.one_photo import PhotoRequest, score_photo
-    from legoworld.api.settings import snapshot_cache
+    from legoworld.api.listener import Listener
+    from legoworld.api.score import score
     from legoworld.workers.scratch import scratch_folder
 
-    if not program_or_scene.is_dir() and program_or_scene.suffix not in (".py", ".blend"):
-        raise click.UsageError(
-            f"{program_or_scene} is not a .py, a scene folder or its scene.blend; to read a "
-            "scene.glb, pass its folder with --source glb"
-        )
     with scratch_folder("legoworld-score-") as scratch:
-        request = PhotoRequest(
-            program_or_scene=program_or_scene,
+        found = score(
+            program_or_scene,
+            output or scratch / "score",
             photo=photo,
             task=task,
-            cache=snapshot_cache(cache or scratch / "snapshots"),
+            listener=Listener(notice=out.step, trace=out.trace),
             **given,
         )
-        score = score_photo(request, output or scratch / "score", out.step, out.trace)
-        overlay = score.overlay
+        overlay = found.overlay
         if overlay is not None and output is None:
             overlay = _kept_overlay(overlay, photo, task)
-    out.show(lambda: _document(score, overlay), _lines(score, overlay, output, out))
-    return exit_codes.DONE if score.row.status == "ok" else exit_codes.INCOMPLETE
+    out.show(lambda: _document(found, overlay), _lines(found, overlay, output, out))
+    return exit_codes.DONE if found.row.status == "ok" else exit_codes.INCOMPLETE
 
 
 def _kept_overlay(overlay: Path, photo: Path, task: str) -> Path:
@@ -123,7 +112,9 @@ def _lines(
         yield f"{row.status}: {row.file_name}: {row.reason}"
         return
     yield load_evaluation_family(found.summary.task).short(found.summary)
-    shown = found.advice if out.verbose else found.advice[:_SHORT]
+    names = tuple(f"the label {u.label!r} " for u in row.unmatched or ())
+    later = [one for one in found.advice[_SHORT:] if out.verbose or one.what.startswith(names)]
+    shown = [*found.advice[:_SHORT], *later]
     for one in shown:
         yield f"{one.level}: {one.what}" + (f"; do: {one.do}" if one.do else "")
     if len(shown) < len(found.advice):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from legoworld.commands.output import Document
 
 
-@click.group("track")
+@options.group("track")
 def command() -> None:
     """Make a public track (a list of images and categories), or check one against its photos.
 
@@ -46,16 +46,11 @@ def check_command(track: Path, photos: Path, out: Output) -> int:
       legoworld track check track.json --photos coco/val2017
       legoworld track check track.json --photos coco --json
     """
-    from legoworld.readouts.pictures import read_photo
-    from legoworld.track_making.make_track import check_photos
+    from legoworld.api.tracks import track_check
     from legoworld.tracks.track import load_track
 
-    def photo_size_wh(path: Path) -> tuple[int, int]:
-        height, width = read_photo(path).shape[:2]
-        return width, height
-
-    images = load_track(track).images
-    problems = check_photos(images, photos, photo_size_wh)
+    n_images = len(load_track(track).images)
+    problems = track_check(track, photos=photos)
     rows: list[Document] = [
         {
             "image_id": p.image.id,
@@ -65,11 +60,11 @@ def check_command(track: Path, photos: Path, out: Output) -> int:
         }
         for p in problems
     ]
-    n_good = len(images) - len(problems)
+    n_good = n_images - len(problems)
     more = [f"... and {len(problems) - 50} more (--json lists them)"] if problems[50:] else []
-    good = share(n_good, len(images), "photo", "photos")
+    good = share(n_good, n_images, "photo", "photos")
     out.show(
-        {"images": len(images), "problems": rows},
+        {"images": n_images, "problems": rows},
         [
             *(f"{p.status}: {p.image.file_name} (image {p.image.id}): {p.found}"
               for p in problems[:50]),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 @option(
     "--images", "Take these images only: a file with one id or file name per line.", EXISTING_FILE
 )
-@option("--scenes", "Take these scenes of ETH3D's layout only, separated by commas.")
+@option("--scenes scene_names", "Take these scenes of ETH3D's layout only, separated by commas.")
 @option("--dataset", "Name of a depth dataset other than ETH3D.")
 @option(
     "--photos",
@@ -62,9 +61,9 @@ def make_command(
     sample: int | None,
     seed: int,
     images: Path | None,
-    overwrite: bool,
+    scene_names: str | None,
     out: Output,
-    **named: Any,
+    **given: Any,
 ) -> int:
     """Make a public track from a dataset's annotations.
 
@@ -84,116 +83,34 @@ def make_command(
       legoworld track make --task eth3d --truth depths --photos photos --space depth --unit mm \\
           --dataset desk -o desk.json
     """
+    from legoworld.api.tracks import track_make
+
     if sample is None:
         options.refuse_given(["seed"], "is for --sample")
-    if images is not None and sample is not None:
-        raise click.UsageError("--images and --sample exclude each other: pass one")
     if len(task) != len(truths) or len(set(task)) < len(task):
         raise click.UsageError("pass one --truth for each --task, in the same order")
     if every and len(task) == 1:
         raise click.UsageError("--any is for several --task")
-    chosen = _lines(images) if images is not None else None
-    takers = _takers(task, named)
-    if named["photos"] is not None:
-        for one in takers:
-            _declare(truths[task.index(one)], named["space"], named["unit"], out)
-    made = _make(
-        dict(zip(task, truths, strict=True)),
+    made = track_make(
         output,
-        Selection(sample=sample, seed=seed, chosen=chosen, every=every),
-        dict.fromkeys(takers, _own_options(named)),
-        overwrite=overwrite,
-        notice=out.notice,
+        truth=truths[0] if len(task) == 1 else dict(zip(task, truths, strict=True)),
+        task=task[0] if len(task) == 1 else None,
+        every=every,
+        sample=sample,
+        seed=seed,
+        images=None if images is None else _lines(images),
+        scene_names=None if scene_names is None else _names(scene_names),
+        listener=out.listener(),
+        **given,
     )
+    files = {name: output / f"{name}.json" if len(task) > 1 else output for name in made}
     infos: dict[str, Document] = {
-        path.stem: {"track": str(path), "info": track.info} for path, track in made.items()
+        name: {"track": str(files[name]), "info": track.info} for name, track in made.items()
     }
     alone = next(iter(infos.values()))
     document: Document = alone if len(infos) == 1 else {"tracks": str(output), "tasks": infos}
-    out.show(document, _shown(made, seed))
+    out.show(document, _shown({files[name]: one for name, one in made.items()}, seed))
     return 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Selection:
-    """Which images a track gets. chosen: ids or file names; every: photos that any truth lists."""
-
-    sample: int | None
-    seed: int
-    chosen: list[str] | None
-    every: bool
-
-
-def _takers(tasks: Sequence[str], given: Mapping[str, object]) -> list[str]:
-    """The tasks whose tracks take the given options; click.UsageError for an option of none."""
-    from legoworld.track_making.family import load_track_family
-
-    names = [name for name, value in given.items() if value is not None]
-    for name in names:
-        if not any(name in load_track_family(task).options for task in tasks):
-            raise click.UsageError(f"track make: --{name} is not for --task {', '.join(tasks)}")
-        if name in ("space", "unit") and given["photos"] is None:
-            raise click.UsageError(f"track make: --{name} is for depth files, with --photos")
-    return [
-        task for task in tasks if any(name in load_track_family(task).options for name in names)
-    ]
-
-
-def _declare(truth: Path, space: str | None, unit: str | None, out: Output) -> None:
-    from legoworld.evaluation.depth.integer_units import UNITS, is_unit
-    from legoworld.track_making.depth import declare
-
-    if unit is not None and not is_unit(unit) and unit != "px":
-        raise click.UsageError(f"--unit {unit!r} is not one of {UNITS}")
-    if truth.is_dir() and (written := declare(truth, space, unit)):
-        out.notice(f"{truth.name}/depth.toml now says: {' '.join(written.split())}")
-
-
-def _own_options(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that tracks are made with; scenes as a list of names."""
-    own = {name: given[name] for name in ("scenes", "dataset", "photos") if given[name] is not None}
-    if "scenes" in own:
-        own["scenes"] = [name for part in own["scenes"].split(",") if (name := part.strip())]
-    return own
-
-
-def _make(
-    truths: Mapping[str, Path],
-    output: Path,
-    selection: Selection,
-    own: Mapping[str, Mapping[str, object]],
-    *,
-    overwrite: bool,
-    notice: Callable[[str], None],
-) -> dict[Path, MadeTrack]:
-    """The tracks by their files."""
-    from legoworld.errors import UsageError
-    from legoworld.track_making.make_track import make_track, make_tracks
-
-    several = len(truths) > 1
-    files = {task: output / f"{task}.json" if several else output for task in truths}
-    for path in files.values():
-        if path.exists() and not overwrite:
-            raise UsageError(
-                f"{path.name} already exists",
-                expected="a new file",
-                next_step="choose another -o, or pass --overwrite",
-            )
-    sample, seed, chosen = selection.sample, selection.seed, selection.chosen
-    if several:
-        tracks = make_tracks(
-            truths, output, sample=sample, seed=seed, chosen=chosen, every=selection.every,
-            options=own, notice=notice,
-        )  # fmt: skip
-    else:
-        tracks = {
-            task: make_track(
-                task, truth, output, sample=sample, seed=seed, chosen=chosen,
-                options=own.get(task), notice=notice,
-            )
-            for task, truth in truths.items()
-        }  # fmt: skip
-    return {files[task]: track for task, track in tracks.items()}
 
 
 def _shown(tracks: Mapping[Path, MadeTrack], seed: int) -> Iterator[str]:
@@ -206,6 +123,10 @@ def _shown(tracks: Mapping[Path, MadeTrack], seed: int) -> Iterator[str]:
             f"{share(len(made.images), of, 'image', 'images')}{source}{drawn}, "
             f"{plural(len(made.categories), 'category', 'categories')} -> {path}"
         )
+
+
+def _names(text: str) -> list[str]:
+    return [name for part in text.split(",") if (name := part.strip())]
 
 
 def _lines(path: Path) -> list[str]:

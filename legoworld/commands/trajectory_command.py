@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Unpack
+from typing import Any, Final
 
 import click
 
@@ -13,16 +13,10 @@ from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
 from legoworld.pluralize import plural
 
-if TYPE_CHECKING:
-    from legoworld.trajectories.pick import By
-    from legoworld.trajectories.score_checkpoints import ScoringOptions
-    from legoworld.workers.protections import Protections
-    from legoworld.workers.sandbox import SandboxLimits
-
 _SCORES: Final = option("--scores", "What `trajectory score` wrote.", EXISTING_FOLDER)
 
 
-@click.group("trajectory")
+@options.group("trajectory")
 def command() -> None:
     """What happened on the way to each scene of `legoworld reconstruct`.
 
@@ -47,11 +41,10 @@ def show(scene: Path, scores: Path | None, out: Output) -> int:
       legoworld trajectory show scenes/room0 --scores scores
     """
     from legoworld.tables.terminal import terminal
-    from legoworld.trajectories.folder import read_trial
-    from legoworld.trajectories.page import calls_table, find_score, read_scores
+    from legoworld.trajectories.api import trajectory_show
+    from legoworld.trajectories.page import calls_table
 
-    trial = read_trial(scene)
-    score = find_score(read_scores(scores), trial)
+    trial, score = trajectory_show(scene, scores=scores)
     about = trial.about
     source = about.finalisation.source
     submitted = "nothing was submitted" if source == "none" else f"submitted: its {source} scene"
@@ -67,15 +60,15 @@ def show(scene: Path, scores: Path | None, out: Output) -> int:
 
 
 @command.command("score")
-@click.argument("scenes", type=EXISTING_FOLDER, nargs=-1, required=True)
-@option("--truth private", "DATASET/private.", EXISTING_FOLDER)
+@click.argument("scene_folders", type=EXISTING_FOLDER, nargs=-1, required=True, metavar="SCENES...")
+@option("--truth", "DATASET/private.", EXISTING_FOLDER)
 @option("--output", "Where scores go.")
 @option("--workers", "Scenes read out at once.", default=1)
 @option("--draws", "Bootstrap samples, over families.", default=10_000)
 @option("--seed", "RNG seed for the bootstrap.")
-@options.protections()
+@option("--sandbox")
 @options.printing
-def score(scenes: tuple[Path, ...], out: Output, **given: Unpack[ScoringOptions]) -> int:
+def score(scene_folders: tuple[Path, ...], output: Path, out: Output, **given: Any) -> int:
     """Score every checkpoint of every trial below SCENES against a bench: Q over time.
 
     The result is private, like an evaluation. Run the same command again to resume.
@@ -86,11 +79,10 @@ def score(scenes: tuple[Path, ...], out: Output, **given: Unpack[ScoringOptions]
       legoworld trajectory score codex claude --truth bench/private -o scores --workers 4
     """
     from legoworld.tables.terminal import terminal
+    from legoworld.trajectories.api import trajectory_score
     from legoworld.trajectories.page import agents_table
-    from legoworld.trajectories.score_checkpoints import ScoringPlan, score_trajectories
 
-    plan = ScoringPlan(**given, limits=_limits(), notice=out.notice)
-    document = score_trajectories(scenes, plan)
+    document = trajectory_score(scene_folders, output, listener=out.listener(), **given)
     lines = [terminal(agents_table(document.agents))]
     if document.common is not None:
         shared = plural(len(document.common_images), "image", "images")
@@ -98,13 +90,6 @@ def score(scenes: tuple[Path, ...], out: Output, **given: Unpack[ScoringOptions]
         lines.append(terminal(agents_table(document.common)))
     out.show({"agents": document.agents, "common": document.common}, lines)
     return 0
-
-
-def _limits() -> SandboxLimits:
-    """Limits of each Blender that exports or measures a checkpoint."""
-    from legoworld.workers.sandbox import SandboxLimits
-
-    return SandboxLimits(time_s=600.0, memory_bytes=8 << 30)
 
 
 @command.command("report")
@@ -123,11 +108,9 @@ def report(
       legoworld trajectory report scenes --photos val2017 -o page.html
       legoworld trajectory report scenes --photos images --scores scores -o page.html
     """
-    from legoworld.trajectories.folder import recorded_trials
-    from legoworld.trajectories.page import write_page
+    from legoworld.trajectories.api import trajectory_report
 
-    trials = recorded_trials(scenes)
-    write_page(trials, output, photos=photos, scores=scores)
+    trials = trajectory_report(scenes, output, photos=photos, scores=scores)
     out.show(
         {"page": str(output), "trials": len(trials)},
         f"{plural(len(trials), 'trial', 'trials')} -> {output}",
@@ -146,17 +129,9 @@ def report(
 @option("--evidence", "<scene>/requirements.json and public evidence, for residuals.")
 @_SCORES
 @option("--output", "Folder of the scenes.")
-@options.protections()
+@option("--sandbox")
 @options.printing
-def pick(
-    scenes: Path,
-    by: By,
-    evidence: Path | None,
-    scores: Path | None,
-    output: Path,
-    held: Protections,
-    out: Output,
-) -> int:
+def pick(scenes: Path, scores: Path | None, output: Path, out: Output, **given: Any) -> int:
     """Choose each trial's submission again, among its own checkpoints, by public signals alone.
 
     With --scores, which no choice depends on, it says how much regret the choice would have saved.
@@ -166,13 +141,13 @@ def pick(
       legoworld trajectory pick scenes --by last -o scenes-last
       legoworld trajectory pick scenes --by residuals --evidence evidence -o scenes-picked
     """
-    from legoworld.trajectories import pick
+    from legoworld.trajectories.api import trajectory_pick
     from legoworld.trajectories.page import final_scores, read_scores
+    from legoworld.trajectories.pick import saved_regret
 
-    plan = pick.PickPlan(by=by, evidence=evidence, limits=_limits(), held=held, notice=out.notice)
-    picks = pick.pick(scenes, output, plan)
+    picks = trajectory_pick(scenes, output, listener=out.listener(), **given)
     document = read_scores(scores)
-    saved = pick.saved_regret(picks, final_scores(document)) if document else None
+    saved = saved_regret(picks, final_scores(document)) if document else None
     other = sum(p.ordinal != p.submitted for p in picks)
     lines = [f"{other} of {len(picks)} submissions are another checkpoint -> {output}"]
     if saved is not None:

@@ -10,18 +10,25 @@ from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import UsageError
 from legoworld.records.agents import Finalisation
 from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.workers.protections import Protections
+from legoworld.workers.protections import Confinement, protections
 from legoworld.workers.sandbox import SandboxLimits
 
 
-def finalise_workspace(
-    workspace: Path, output: Path, *, limits: SandboxLimits, held: Protections
+def blender_finalise(
+    workspace: str | Path,
+    output: str | Path,
+    *,
+    sandbox: Confinement = "auto",
+    memory_limit_gib: float = 8.0,
 ) -> Finalisation:
     """Export what a workspace and its record hold into a new folder; which scene was taken.
 
     The scene.blend of the workspace is the one that was saved last. UsageError for an output that
     is not empty.
     """
+    workspace, output = Path(workspace), Path(output)
+    limits = SandboxLimits(time_s=600.0, memory_bytes=int(memory_limit_gib * 2**30))
+    held = protections(sandbox)
     if output.is_dir() and any(output.iterdir()):
         raise UsageError(
             "the output folder is not empty", found=str(output), expected="a new folder"

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.pluralize import plural
 from legoworld.records.base import RecordError, decode, decode_lines
+from legoworld.records.folders.folder_kind import folder_of_other_kind
 from legoworld.records.folders.prediction_files import prediction_files, stored_batches
 from legoworld.records.folders.read_run import ROWS, RUN, list_altered
 from legoworld.records.folders.run_journal import JOURNAL
@@ -20,6 +21,7 @@ from legoworld.tasks.registry import family_tasks
 from legoworld.tasks.task import Family
 
 P = TypeVar("P", bound=Scored)
+_EXPECTED: Final = f"{RUN} and {ROWS} as a run writes them; make a run with readout"
 
 
 class RunUnusableError(LegoWorldError):
@@ -57,6 +59,8 @@ def read_run(folder: Path) -> Run:
     try:
         head = decode(RunHead, (folder / RUN).read_bytes())
     except (OSError, RecordError) as error:
+        if other := folder_of_other_kind(folder, "a run"):
+            raise RunUnusableError(other, found=f"no {RUN}", expected=_EXPECTED) from error
         raise _unreadable(folder, RUN, error) from error
     if (folder / JOURNAL).exists():
         raise RunUnusableError(
@@ -160,7 +164,7 @@ def run_view(run: Run) -> dict[str, Any]:
 
 def _unreadable(folder: Path, name: str, error: OSError | RecordError) -> RunUnusableError:
     return RunUnusableError(
-        f"{folder.name}/{name} cannot be read",
+        f"{folder}/{name} cannot be read",
         found=cause(error),
-        expected=f"{RUN} and {ROWS} as a run writes them; make a run with readout",
+        expected=_EXPECTED,
     )

@@ -113,8 +113,12 @@ def read_ledger(folder: Path) -> list[Entry]:
     return _read_entries(folder / LEDGER)[0]
 
 
-def check_ledger(folder: Path) -> list[Entry]:
-    """`read_ledger`; NotAssessedError without a ledger or an entry."""
+def plugin_replay(ledger: str | Path) -> list[Entry]:
+    """The entries of a ledger whose chain of hashes is whole.
+
+    LedgerBrokenError for another one, NotAssessedError without a ledger or an entry.
+    """
+    folder = Path(ledger)
     entries = read_ledger(folder)
     if not entries:
         raise NotAssessedError(

@@ -42,7 +42,7 @@ class PluginServing(TypedDict):
     evidence: Path | None
     address: str
     ledger: Path
-    off: Sequence[str]
+    without: Sequence[str]
     require_transaction: bool
     limits: TransactionLimits
 
@@ -53,19 +53,19 @@ def serve_plugin(
     evidence: Path | None,
     address: str,
     ledger: Path,
-    off: Sequence[str] = (),
+    without: Sequence[str] = (),
     require_transaction: bool = False,
     limits: TransactionLimits | None = None,
 ) -> None:
     """Serve until standard input ends. InstallationError without the extra.
 
     photo: EvidenceInvalidError where the evidence is of another one. It may stand alone: then there
-    regions, depth and camera are missing. off: names of modules to leave out.
+    regions, depth and camera are missing. without: names of modules to leave out.
     """
     require_server()
     from legoworld.plugin.server import plugin_server
 
-    modules = modules_without(off)
+    modules = modules_without(without)
     known = None
     if "evidence" in modules and evidence is not None:
         known = read_evidence(evidence, photo)

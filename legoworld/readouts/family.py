@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from legoworld.cards import Card
-from legoworld.records.folders.read_run import ROWS, RunDamagedError
+from legoworld.records.folders.read_run import ANSWERS, ROWS, RunDamagedError
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
@@ -16,8 +16,12 @@ from legoworld.tables.table import Table
 from legoworld.tracks.track import Track
 
 if TYPE_CHECKING:
+    from legoworld.readouts.pictures import Rgb
     from legoworld.scene.instances import Instance
+    from legoworld.tracks.vocabulary import Category, Vocabulary
     from legoworld.visibility.view import View
+
+__all__ = ["ANSWERS", "AnsweredImage", "Export", "ReadoutFamily", "answer_file", "unusable_row"]
 
 Export = tuple[Prediction, "Instance"]
 """A prediction and its instance."""
@@ -27,7 +31,9 @@ Export = tuple[Prediction, "Instance"]
 class AnsweredImage:
     """One image as it was drawn.
 
-    name: of its scene or photo, without a suffix; run: the folder; threads: to draw more with.
+    name: of its scene or photo, without a suffix; run: the folder; threads: to draw more with;
+    vocabulary: None where answers have no categories; sky: the category of pixels without a hit,
+    None for none.
     """
 
     image_id: int
@@ -36,6 +42,8 @@ class AnsweredImage:
     instances: Sequence[Instance]
     view: View
     threads: int | None = None
+    vocabulary: Vocabulary | None = None
+    sky: Category | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +52,9 @@ class ReadoutFamily:
 
     exports: the results of an image in canonical order, of what the card says is read; None where
     the answers are files. write: writes an image's files, and returns its row with them; None where
-    there are none. sum_up: a run's summary with what is its own, of the rows that have a result.
+    there are none. complete: writes what a run has of all its images, `ANSWERS` and the files of
+    images without a result, from all rows. picture: how an answer looks; notes: what its author
+    must know. sum_up: a run's summary with what is its own, of the rows that have a result.
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
     family's options. table: what `inspect` shows of an image besides its instances,
@@ -55,7 +65,10 @@ class ReadoutFamily:
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
     exports: Callable[[str, AnsweredImage], list[Export]] | None = None
     write: Callable[[RunRow, AnsweredImage], RunRow] | None = None
+    complete: Callable[[Path, Sequence[RunRow]], None] | None = None
     file_bytes: Callable[[tuple[int, int]], int] | None = None
+    picture: Callable[[AnsweredImage], Rgb] | None = None
+    notes: Callable[[AnsweredImage], list[str]] | None = None
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
     table: Callable[[str, AnsweredImage], Table | None] | None = None
     needs_instances: bool = True

@@ -66,8 +66,9 @@ def write_png(path: Path, picture: Rgb) -> None:
 
 
 def png_bytes(picture: Rgb) -> bytes:
-    """A PNG of (H, W, 3) RGB."""
-    done, data = cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))
+    """A PNG of (H, W, 3) RGB, or of (H, W) grey."""
+    pixels = picture[:, :, ::-1] if picture.ndim == 3 else picture
+    done, data = cv2.imencode(".png", np.ascontiguousarray(pixels))
     if not done:
         raise LegoWorldError("an image could not be encoded", found=f"shape {picture.shape}")
     return data.tobytes()

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from legoworld.cards import Card, load_card
+from legoworld.errors import UsageError
 from legoworld.readouts.family import ReadoutFamily
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import task_named
 from legoworld.tasks.task import Task
-from legoworld.tracks.vocabulary import Vocabulary, load
+from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,19 @@ class Protocol:
         """The custom property that overrides `category` in this task."""
         rules = self.card.record.vocabulary
         return rules.override_property if rules else None
+
+    def category(self, name: str, option: str) -> Category:
+        """The category that an option names. UsageError for no name of the vocabulary."""
+        assert self.vocabulary is not None
+        category = self.vocabulary.match(name)
+        if category is None:
+            raise UsageError(
+                f"{option} names no category of {self.task.name}",
+                found=repr(name),
+                expected=" or ".join(self.vocabulary.nearest(name)) or "a name of its vocabulary",
+                next_step=f"`legoworld list schema --task {self.task.name}` lists them",
+            )
+        return category
 
     @property
     def readout(self) -> ReadoutFamily:

@@ -200,3 +200,18 @@ class EndedAgent(Record, frozen=True, kw_only=True):
     over: Literal["time", "memory", "disk", "output", "processes"] | None
     last_output: str
     seconds: float
+
+
+class TrialRow(Record, frozen=True, kw_only=True):
+    """One trial as the command reports it. run: from 1, of --repeat."""
+
+    image_id: int
+    scene: str
+    run: int
+    status: Outcome
+    reason: str
+    seconds: float = 0.0
+    calls: int = 0
+    checkpoints: int = 0
+    usage: Usage = Usage()
+    kept: bool = False

@@ -39,6 +39,10 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-evidence-detection": Format(
         "EVALUATION/evidence.json, boxes and masks", "detection:DetectionEvidence"
     ),
+    "evaluation-evidence-label-maps": Format(
+        "EVALUATION/evidence.json, panoptic segments and semantic maps",
+        "label_maps:LabelMapEvidence",
+    ),
     "evaluation-evidence-normals": Format(
         "EVALUATION/evidence.json, normals", "normals:NormalsEvidence"
     ),
@@ -58,6 +62,10 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-per-image-detection": Format(
         "a line of EVALUATION/per_image.jsonl, boxes and masks", "evaluation_rows:DetectionRow"
     ),
+    "evaluation-per-image-label-maps": Format(
+        "a line of EVALUATION/per_image.jsonl, panoptic segments and semantic maps",
+        "label_maps:LabelMapRow",
+    ),
     "evaluation-per-image-normals": Format(
         "a line of EVALUATION/per_image.jsonl, normals, not scored", "normals:NormalsRow"
     ),
@@ -73,6 +81,10 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-summary-depth": Format("EVALUATION/summary.json, depth", "depth:DepthSummary"),
     "evaluation-summary-detection": Format(
         "EVALUATION/summary.json, boxes and masks", "evaluation_summary:DetectionSummary"
+    ),
+    "evaluation-summary-label-maps": Format(
+        "EVALUATION/summary.json, panoptic segments and semantic maps",
+        "label_maps:LabelMapSummary",
     ),
     "evaluation-summary-normals": Format(
         "EVALUATION/summary.json, normals", "normals:NormalsSummary"

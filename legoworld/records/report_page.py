@@ -163,6 +163,20 @@ class RelationsPageView(PageView, frozen=True, kw_only=True):
     questions: tuple[tuple[ShownQuestion, ...], ...]
 
 
+class MapPictures(Record, frozen=True, kw_only=True):
+    """Label maps of one photo, as places among the page's overlays."""
+
+    truth: int
+    answers: tuple[int, ...]
+    agreements: tuple[int, ...]
+
+
+class LabelMapPageView(PageView, frozen=True, kw_only=True):
+    """A photo of label maps."""
+
+    maps: MapPictures
+
+
 class PhotoCell(Record, frozen=True, kw_only=True):
     """One side of a photo in the list. advice: the first finding; findings: how many are bad."""
 
@@ -195,6 +209,14 @@ class RelationsCell(PhotoCell, frozen=True, kw_only=True):
 
     accuracy: float | None
     answered: int
+
+
+class LabelMapCell(PhotoCell, frozen=True, kw_only=True):
+    """Of label maps. quality: the photo's own `metric`; counts: the family's three, summed."""
+
+    metric: str
+    quality: float | None
+    counts: tuple[int, int, int]
 
 
 class PhotoRow(Record, frozen=True, kw_only=True):

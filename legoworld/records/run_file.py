@@ -91,6 +91,7 @@ class Configuration(Record, frozen=True, kw_only=True):
     snapshot_schema: int | UnsetType = UNSET
     row_schema: int | UnsetType = UNSET
     bench: BenchReading | UnsetType = UNSET
+    sky: str | UnsetType = UNSET
     # Of baselines.
     baseline: str | UnsetType | None = UNSET
     baseline_version: str | UnsetType = UNSET

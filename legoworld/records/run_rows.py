@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
 from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_rows import ImageRow
@@ -92,11 +96,21 @@ class Nested(Record, frozen=True, kw_only=True):
     px: int
 
 
+class Segment(Record, frozen=True, kw_only=True):
+    """One segment of a panoptic answer, as panopticapi names its parts. bbox: x, y, w, h."""
+
+    id: Annotated[int, Meta(ge=1, lt=1 << 24)]
+    category_id: int
+    area: int
+    bbox: tuple[int, int, int, int]
+    iscrowd: Literal[0, 1] = 0
+
+
 class RunRow(RunImage, frozen=True, kw_only=True):
     """One row. It has the fields of what was read: a scene or a photo, depth or predictions.
 
     scene: the image's folder in SCENES; reason: null where status is ok; answer: the file of a
-    family that has one of its own for each image.
+    family that has one of its own for each image; segments: of its PNG.
     """
 
     scene: str = ""
@@ -107,6 +121,7 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     depth: DepthFile | UnsetType = UNSET
     normals: NormalsFile | UnsetType = UNSET
     answer: WrittenFile | UnsetType = UNSET
+    segments: tuple[Segment, ...] | UnsetType = UNSET
     n_predictions: int | UnsetType = UNSET
     predictions_sha256: str | UnsetType = UNSET
     # Of a baseline's answer.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from msgspec import Meta
 
@@ -40,7 +40,10 @@ class ImageInfo(Private, frozen=True, kw_only=True):
 
 
 class CategoryInfo(Record, frozen=True, kw_only=True):
-    """One category, without an LVIS one's counts of annotated images and instances."""
+    """One category, without an LVIS one's counts of annotated images and instances.
+
+    isthing: of panoptic categories, 0 for stuff.
+    """
 
     id: Id
     name: str
@@ -48,6 +51,7 @@ class CategoryInfo(Record, frozen=True, kw_only=True):
     synset: str | UnsetType | None = UNSET
     synonyms: tuple[str, ...] | UnsetType | None = UNSET
     frequency: str | UnsetType | None = UNSET
+    isthing: Literal[0, 1] | UnsetType = UNSET
 
 
 class TrackFile(Private, frozen=True, kw_only=True):

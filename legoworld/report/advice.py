@@ -56,6 +56,7 @@ def detection_advice(
     """Everything to say of one side's answer to a photo; what to do only where it is a scene."""
     advice = failure_advice(side.run_row)
     if not advice:
+        advice += _unknown_labels(side.run_row) if scene else []
         parts = parts_of_truths(task, image, side)
         advice += _advise_missed(task, image, side, names, parts)
         advice += _parts(image, parts, names) + _false(task, image, side, names, parts)
@@ -327,15 +328,20 @@ def _advise_uncounted(side: SideImage) -> list[Advice]:
     return advice
 
 
-def _labels(run_row: RunRow) -> list[Advice]:
-    advice = [
+def _unknown_labels(run_row: RunRow) -> list[Advice]:
+    """Labels outside the vocabulary; a name of it in another spelling costs its objects."""
+    return [
         Advice(
-            level="warn",
+            level="bad" if any(_alike(name, u.label) for name in u.nearest) else "warn",
             what=f"the label {u.label!r} ({u.count} x) is not in the vocabulary",
             do=f"nearest names: {', '.join(u.nearest)}" if u.nearest else "",
         )
         for u in run_row.unmatched or ()
     ]
+
+
+def _labels(run_row: RunRow) -> list[Advice]:
+    advice: list[Advice] = []
     for one in run_row.unexported or ():
         what = f"{one.name} ({one.category}) is labelled but has no pixel: {one.reason}"
         advice.append(Advice(level="warn", what=what, do=_UNSEEN.get(one.reason, "")))

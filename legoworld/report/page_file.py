@@ -41,11 +41,16 @@ _FOR_SCRIPTS: Final = ("key", "task", "family", "title", "sides", "first", "plot
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenPage:
-    """beside: the folder of what lies next to the page, None where all is inside."""
+    """beside: the folder of what lies next to the page, None where all is inside.
+
+    views: how many pictures of photos or cases it has, and how many of these have no photo.
+    """
 
     path: Path
     beside: Path | None
     n_bytes: int
+    views: int
+    views_without_photo: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +89,11 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
     text = page_text(document, views, beside=beside, commands=commands)
     write_text(path, text)
     return WrittenPage(
-        path=path, beside=folder if beside.any else None, n_bytes=len(text.encode("utf-8"))
+        path=path,
+        beside=folder if beside.any else None,
+        n_bytes=len(text.encode("utf-8")),
+        views=len(views),
+        views_without_photo=sum(view.photo is None for view in document.views),
     )
 
 

@@ -42,7 +42,7 @@ from legoworld.scene.instances import Grouping, Instance, group
 from legoworld.scene.labels import Labels
 from legoworld.scene.read_scene import ReadScene
 from legoworld.tracks.track import TrackImage
-from legoworld.tracks.vocabulary import Vocabulary
+from legoworld.tracks.vocabulary import Category, Vocabulary
 from legoworld.visibility.camera import aspect_differs
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.view import View, unseen_reasons
@@ -54,7 +54,7 @@ _UNLABELLED_SHOWN: Final = 20
 
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions:
-    """What every image of a run is read with. bench: of that task alone."""
+    """What every image of a run is read with. bench: of that task alone; sky: of label maps."""
 
     scenes: Place
     run: Path
@@ -65,6 +65,7 @@ class ImageOptions:
     max_side: int | None
     threads: int
     bench: BenchRules | None = None
+    sky: Category | None = None
 
     def rendered_size(self, size_wh: tuple[int, int]) -> tuple[int, int]:
         """The size to render at: `size_wh`, reduced so that no side exceeds `max_side`."""
@@ -162,6 +163,8 @@ def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions
         instances=grouping.instances,
         view=seen,
         threads=options.threads,
+        vocabulary=vocabulary,
+        sky=options.sky,
     )
     exports = []
     if readout.exports is not None:

@@ -15,6 +15,7 @@ from legoworld.files import atomic_path
 from legoworld.readouts.protocol import load_readout_family
 from legoworld.records.base import RecordError, as_json, decode
 from legoworld.records.folders import run_folder
+from legoworld.records.folders.folder_kind import folder_of_other_kind
 from legoworld.records.folders.read_run import (
     RUN,
     SUMMARY,
@@ -49,7 +50,8 @@ def merge_shards(
     alone = len(shards) == 1 and not configurations[0].shard
     whole = configurations[0] if alone else _undivided_configuration(list(shards), configurations)
     configuration = run_folder.divide_configuration(whole, images_per_file)
-    with_predictions = load_readout_family(task_named(configuration.task)).exports is not None
+    readout = load_readout_family(task_named(configuration.task))
+    with_predictions = readout.exports is not None
     _refuse_division(images_per_file, with_predictions=with_predictions)
     _refuse_own_output(shards, output)
     with run_folder.lock_run(output):
@@ -67,6 +69,7 @@ def merge_shards(
             run=replace(document, configuration=configuration),
             summary=summary,
             with_predictions=with_predictions,
+            complete=readout.complete,
         )
     return RunResult(rows=tuple(rows), summary=summary)
 
@@ -134,7 +137,7 @@ def _finished_document(folder: Path) -> RunFile:
             raise RecordError(f"task {document.configuration.task!r}")
     except (OSError, RecordError) as error:
         raise UsageError(
-            f"{folder.name} is not a finished shard",
+            folder_of_other_kind(folder, "a run") or f"{folder} is not a finished shard",
             found=cause(error),
             expected="the output of `legoworld readout --shard i/n`, or one undivided run alone",
             next_step="run its command again to resume",

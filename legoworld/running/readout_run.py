@@ -136,6 +136,7 @@ def run_configuration(request: RunRequest, images: list[TrackImage]) -> Configur
         row_schema=ROW_SCHEMA,
         images_per_file=request.images_per_file or UNSET,
         bench=options.bench.to_record() if options.bench else UNSET,
+        sky=options.sky.name if options.sky else UNSET,
     )
 
 

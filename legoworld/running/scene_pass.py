@@ -204,6 +204,7 @@ class _RunningRun:
             run=run_document(self._configuration),
             summary=summary,
             with_predictions=self.options.protocol.readout.exports is not None,
+            complete=self.options.protocol.readout.complete,
         )
         return RunResult(rows=tuple(rows), summary=summary)
 

@@ -59,6 +59,32 @@ RELATIONS: Final = Family(
     labelled=True,
     by_policy=True,
 )
+PANOPTIC: Final = Family(
+    name="panoptic",
+    noun="panoptic segments",
+    records="legoworld.records.label_maps:RECORDS",
+    readout="legoworld.readouts.panoptic:READOUT",
+    evaluation="legoworld.evaluation.panoptic.family:EVALUATION",
+    comparison="legoworld.comparison.label_maps:PANOPTIC",
+    page="legoworld.report.label_maps_page:PANOPTIC",
+    track="legoworld.track_making.label_maps:PANOPTIC",
+    baseline="legoworld.baselines.panoptic:BASELINE",
+    labelled=True,
+    options=frozenset({"sky"}),
+)
+SEMANTIC: Final = Family(
+    name="semantic",
+    noun="semantic maps",
+    records="legoworld.records.label_maps:RECORDS",
+    readout="legoworld.readouts.semantic:READOUT",
+    evaluation="legoworld.evaluation.semantic.family:EVALUATION",
+    comparison="legoworld.comparison.label_maps:SEMANTIC",
+    page="legoworld.report.label_maps_page:SEMANTIC",
+    track="legoworld.track_making.label_maps:SEMANTIC",
+    baseline="legoworld.baselines.semantic:BASELINE",
+    labelled=True,
+    options=frozenset({"sky"}),
+)
 RECONSTRUCTION: Final = Family(
     name="reconstruction",
     noun="a bench",
@@ -72,6 +98,7 @@ RECONSTRUCTION: Final = Family(
 )
 
 COCO: Final = Dataset(name="coco", version="2017")
+COCO_PANOPTIC: Final = Dataset(name="coco-panoptic", version="2017")
 ETH3D: Final = Dataset(name="eth3d")
 #: v0.5's ids differ from v1's for the same names.
 LVIS: Final = Dataset(name="lvis", version="1.0", by_categories={1230: "0.5"}, federated=True)
@@ -86,6 +113,23 @@ _MASKS: Final[dict[str, Any]] = {
     "readout.reads": "masks",
     "export.fields": ["image_id", "category_id", "segmentation", "score"],
     "export.segmentation": "rle_compressed",
+}
+_SEGMENTS: Final[dict[str, Any]] = {
+    "readout.reads": "segments",
+    "vocabulary.override_property": "coco_category",
+    "vocabulary.synonyms": "unambiguous",
+    "vocabulary.qualifier": "required",
+    "export.void": 0,
+    "scoring.match_iou_above": 0.5,
+    "scoring.void_share_above": 0.5,
+    "scoring.failed_image": "all_void",
+}
+_CLASSES: Final[dict[str, Any]] = {
+    "readout.reads": "category_map",
+    "vocabulary.synonyms": "unambiguous",
+    "vocabulary.qualifier": "required",
+    "export.void": 255,
+    "scoring.failed_image": "all_void",
 }
 
 TASKS: Final = (
@@ -210,6 +254,46 @@ TASKS: Final = (
             "vocabulary.synonyms": "none",
             "vocabulary.qualifier": "required",
         },
+    ),
+    Task(
+        name="coco-panoptic",
+        family=PANOPTIC,
+        dataset=COCO_PANOPTIC,
+        title="COCO panoptic",
+        noun="Scene segments",
+        fixed=_SEGMENTS,
+    ),
+    Task(
+        name="coco-semantic",
+        family=SEMANTIC,
+        dataset=COCO_PANOPTIC,
+        title="COCO semantic",
+        noun="Scene classes",
+        fixed=_CLASSES,
+    ),
+    Task(
+        name="voc-semantic",
+        family=SEMANTIC,
+        dataset=Dataset(name="voc", version="2012"),
+        title="VOC semantic",
+        noun="Scene classes (VOC)",
+        fixed=_CLASSES,
+    ),
+    Task(
+        name="ade20k-semantic",
+        family=SEMANTIC,
+        dataset=Dataset(name="ade20k", version="2016"),
+        title="ADE20K semantic",
+        noun="Scene classes (ADE20K)",
+        fixed=_CLASSES,
+    ),
+    Task(
+        name="cityscapes-semantic",
+        family=SEMANTIC,
+        dataset=Dataset(name="cityscapes", version="2016"),
+        title="Cityscapes semantic",
+        noun="Scene classes (Cityscapes)",
+        fixed=_CLASSES,
     ),
     Task(
         name="bench",

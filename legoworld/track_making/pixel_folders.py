@@ -26,12 +26,14 @@ class Arrays:
     """The arrays of a family.
 
     noun: what one holds; read: one in full, which raises for an unusable one; size_wh: its (width,
-    height) by its header.
+    height) by its header; find: the files of a photo, by its path below the photos; None for those
+    of its name.
     """
 
     noun: str
     read: Callable[[Path], object]
     size_wh: Callable[[Path], tuple[int, int]]
+    find: Callable[[str], list[Path]] | None = None
 
 
 def pixel_folder_source(
@@ -48,7 +50,8 @@ def pixel_folder_source(
     without: list[str] = []
     read: set[str] = set()
     for name in _photos_below(photos):
-        files = [p for p in files_named(folder / scene_name(name)) if not _same(p, photos / name)]
+        named = arrays.find(name) if arrays.find else files_named(folder / scene_name(name))
+        files = [p for p in named if not _same(p, photos / name)]
         if not files:
             without.append(name)
             continue

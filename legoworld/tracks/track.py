@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
+from legoworld.records.folders.folder_kind import folder_of_other_kind
 from legoworld.records.questions import Question
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
@@ -98,8 +99,8 @@ def track_of_folder(scenes: Place) -> Track:
         )
     if not folders:
         raise CatalogError(
-            "no scene to read",
-            found=f"no scene.blend or scene.glb below {top}",
+            folder_of_other_kind(Path(scenes), "a folder of scenes") or "no scene to read",
+            found=f"no scene.blend or scene.glb below {scenes}",
             expected="SCENES/<photo name without extension>/scene.blend",
             next_step="pass the folder that contains the scene folders",
         )

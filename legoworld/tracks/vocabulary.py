@@ -10,7 +10,7 @@ from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import Json, canonical_json, sha256_of_text
-from legoworld.records.base import RecordError, read_json, to_record
+from legoworld.records.base import UNSET, RecordError, read_json, to_record
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import CategoryInfo
 
@@ -20,11 +20,15 @@ _REMEMBERED: Final = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class Category:
-    """One category of a vocabulary; ids are the dataset's own (COCO's are sparse)."""
+    """One category of a vocabulary; ids are the dataset's own (COCO's are sparse).
+
+    isthing: whether it is counted, one segment a thing; stuff is one segment a picture.
+    """
 
     id: int
     name: str
     synonyms: tuple[str, ...] = ()
+    isthing: bool = True
 
 
 #: Marks a label not looked up yet, since None is a valid match.
@@ -153,7 +157,15 @@ def make_vocabulary(entries: Sequence[CategoryInfo], source: str) -> Vocabulary:
             expected='a list of {"id", "name"}',
         )
     categories = sorted(
-        (Category(id=e.id, name=e.name, synonyms=e.synonyms or ()) for e in entries),
+        (
+            Category(
+                id=e.id,
+                name=e.name,
+                synonyms=e.synonyms or (),
+                isthing=e.isthing is UNSET or e.isthing == 1,
+            )
+            for e in entries
+        ),
         key=lambda c: c.id,
     )
     for attribute in ("id", "name"):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypedDict
+from typing import Final
 
 from legoworld.api.evaluation import evaluate
 from legoworld.api.readout import readout
@@ -41,17 +41,6 @@ from legoworld.workers.scratch import scratch_folder
 TRAJECTORIES: Final = "trajectories.json"
 _ROWS: Final = "per_image.jsonl"
 _FINAL: Final = "final"
-
-
-class ScoringOptions(TypedDict):
-    """The values of a `ScoringPlan` that a command passes through."""
-
-    private: Path
-    output: Path
-    held: Protections
-    workers: int
-    draws: int
-    seed: int
 
 
 @dataclass(frozen=True, kw_only=True)

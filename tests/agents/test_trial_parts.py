@@ -14,7 +14,6 @@ from msgspec.structs import replace as with_fields
 
 from legoworld.agents import mcp_endpoint, mcp_server, reconstruct, trial_plugin
 from legoworld.agents.plugin_host import PluginHost
-from legoworld.agents.reconstruct import Progress
 from legoworld.agents.recorded_steps import (
     StepsUnusableError,
     encode_steps,
@@ -32,6 +31,7 @@ from legoworld.agents.unfinished_trial import (
     unfinished_folder,
     unfinished_trial,
 )
+from legoworld.api.listener import Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.records.agents import BegunTrial, EndedAgent, RecordedStep, Usage
@@ -354,9 +354,9 @@ def campaign(tmp_path, monkeypatch):
     def make(repeat, run_trial, plan=plan):
         said = []
         monkeypatch.setattr(reconstruct, "run_trial", run_trial)
-        rows = reconstruct.reconstruct(
+        rows = reconstruct.make_trials(
             plan, tmp_path / "out", images=images, repeat=repeat, workers=1, engine="local",
-            progress=Progress(total=said.append, row=said.append),
+            listener=Listener(total=said.append, trial=said.append),
         )  # fmt: skip
         return rows, said
 

@@ -14,8 +14,8 @@ import pytest
 from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
 from waiting import until
 
-from legoworld.agents.reconstruct import TrialRow
 from legoworld.errors import UsageError
+from legoworld.records.agents import TrialRow
 from legoworld.trajectories.folder import read_trial
 
 pytestmark = pytest.mark.blender

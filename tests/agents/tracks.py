@@ -12,9 +12,11 @@ import pytest
 from scene.snapshots import read_alone
 
 from legoworld.agents.mcp_server import server_problems
-from legoworld.agents.reconstruct import Progress, TrialRow, reconstruct
+from legoworld.agents.reconstruct import make_trials
 from legoworld.agents.run_plan import plan_run
 from legoworld.agents.trial_plan import TrialPlan
+from legoworld.api.listener import SILENT
+from legoworld.records.agents import TrialRow
 
 #: An agent's first words, so that final.png takes no time: the start-up scene renders 1920 x 1080.
 SMALL = "r = bpy.context.scene.render; r.resolution_x, r.resolution_y = 64, 48"
@@ -66,14 +68,14 @@ def plan(folder: Path, *, time_limit_s: float = 300.0, memory_bytes: int = 3 << 
 
 def run(made: TrialPlan, output: Path, *, workers: int = 1, repeat: int = 1) -> list[TrialRow]:
     """All trials of a plan."""
-    return reconstruct(
+    return make_trials(
         made,
         output,
         images=made.work.track.images,
         repeat=repeat,
         workers=workers,
         engine="local",
-        progress=Progress(total=lambda _: None, row=lambda _: None),
+        listener=SILENT,
     )
 
 

@@ -3,61 +3,37 @@
 from __future__ import annotations
 
 import json
-import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
+import stranger
 from checkout import CHECKOUT
 
 import legoworld
-from legoworld import cli
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "python.md"
-DATA = ROOT / "datasets" / "skimage_examples"
 
 
 def examples() -> list[str]:
-    text = PAGE.read_text(encoding="utf-8")
-    return re.findall(r"^<!-- run -->\n```python\n(.*?)^```$", text, re.M | re.S)
+    return [text for _, language, text, _ in stranger.blocks(PAGE) if language == "python"]
 
 
-def test_every_block_is_marked_to_be_run():
-    assert len(examples()) == PAGE.read_text(encoding="utf-8").count("```python\n") > 5
-
-
-def test_the_page_runs(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    scenes = tmp_path / "examples"
-    for name in ("astronaut", "chelsea", "coffee", "motorcycle"):
-        shutil.copytree(ROOT / "examples" / name, scenes / name)
-    data = tmp_path / "datasets" / "skimage_examples"
-    shutil.copytree(DATA, data)
-    images = json.loads((data / "track_coco.json").read_text())["images"]
-    results = [
-        {"image_id": images[0]["id"], "category_id": 1, "bbox": [10, 20, 100, 80], "score": 0.5}
-    ]
-    (tmp_path / "results.json").write_text(json.dumps(results))
-    track = str(data / "track_coco.json")
-    imported = ["results.json", "--task", "coco", "--track", track, "-o", "runs/baseline"]
-    assert cli.run(["baseline", "import", *imported]) == 0
-    names: dict[str, Any] = {}
-    for code in examples():
-        exec(compile(code, str(PAGE), "exec"), names)
-    assert names["depth"].shape == (400, 600)
-    assert names["masks"].shape == (len(names["view"].labelled), 400, 600)
-    assert names["picture"].shape == (400, 600, 3)
-    assert sorted(p.name for p in Path("look").iterdir()) == [
+@pytest.mark.blender
+def test_the_page_runs_as_a_stranger_runs_it(tmp_path):
+    assert len(examples()) > 8
+    assert stranger.unmarked(PAGE) == 0
+    printed = stranger.run_page(PAGE, tmp_path / "page")
+    assert "coffee.png ok" in printed
+    assert "missing" in printed
+    folder = tmp_path / "page"
+    assert sorted(p.name for p in (folder / "look").iterdir()) == [
         "buffers.npz", "depth.png", "instances.json", "overlay.png",
     ]  # fmt: skip
-    assert names["comparison"].folder == Path("comparisons/coco")
-    shown = capsys.readouterr().out
-    assert "coffee.png ok" in shown
-    assert "missing" in shown
+    assert (folder / "report.html").stat().st_size > 100_000
+    assert (folder / "comparisons" / "coco" / "comparison.json").is_file()
 
 
 def program(folder: Path) -> Path:

@@ -15,7 +15,6 @@ from baseline_programs.child import (
     request,
     resized_by_hand,
     some_photo,
-    spread,
 )
 from PIL import Image
 
@@ -27,71 +26,18 @@ importable("hf-segmenter")
 import segmenter_input  # noqa: E402
 import segmenter_instances  # noqa: E402
 import segmenter_network  # noqa: E402
+from baseline_programs.tiny_segmenters import (  # noqa: E402
+    QUERIES,
+    mask2former,
+    maskformer,
+    save_tiny,
+)
 from legoworld_baseline import Refused  # noqa: E402
 from segmenter_instances import Rules  # noqa: E402
 from segmenter_network import Queries  # noqa: E402
 
-LABELS = {0: "sofa", 1: "sky-other-merged", 2: "Cat"}
 CATEGORIES = [{"id": 17, "name": "cat"}, {"id": 63, "name": "couch"}]
 LABEL_MAP = {"sofa": "couch"}
-QUERIES = 6
-
-
-def swin():
-    return transformers.SwinConfig(
-        image_size=64,
-        embed_dim=16,
-        depths=[1, 1, 1, 1],
-        num_heads=[2, 2, 2, 2],
-        window_size=4,
-        out_features=["stage1", "stage2", "stage3", "stage4"],
-    )
-
-
-def mask2former():
-    config = transformers.Mask2FormerConfig(
-        backbone_config=swin(),
-        feature_size=32,
-        mask_feature_size=32,
-        hidden_dim=32,
-        encoder_feedforward_dim=48,
-        encoder_layers=2,
-        decoder_layers=3,
-        num_attention_heads=4,
-        dim_feedforward=48,
-        num_queries=QUERIES,
-        id2label=LABELS,
-    )
-    return transformers.Mask2FormerForUniversalSegmentation(config)
-
-
-def maskformer():
-    decoder = transformers.DetrConfig(
-        d_model=32,
-        encoder_layers=1,
-        decoder_layers=2,
-        encoder_attention_heads=4,
-        decoder_attention_heads=4,
-        encoder_ffn_dim=48,
-        decoder_ffn_dim=48,
-        num_queries=QUERIES,
-    )
-    config = transformers.MaskFormerConfig(
-        fpn_feature_size=32,
-        mask_feature_size=32,
-        backbone_config=swin(),
-        decoder_config=decoder,
-        id2label=LABELS,
-    )
-    return transformers.MaskFormerForInstanceSegmentation(config)
-
-
-def save_tiny(build, processor, folder, **settings):
-    torch.manual_seed(1)
-    spread(build().eval(), 3).save_pretrained(folder)
-    size = {"shortest_edge": 64, "longest_edge": 128}
-    processor(size=size, **settings).save_pretrained(folder)
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from waiting import PATIENCE_S, until
 
+import legoworld
 from legoworld import cli
 
 
@@ -68,6 +69,17 @@ def test_every_line_has_an_answer(dataset, submissions, tmp_path):
     assert all(found[n]["reason"] for n in ("nan", "damaged", "missing", "unknown"))
     assert sum(a["status"] == "refused" for a in answers) == 4
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_list_of_submissions_is_scored_in_its_order(dataset, tmp_path):
+    itself = dataset / "itself"
+    submissions = [(itself / "den__easy__view_00", 3), (tmp_path / "nowhere", 1),
+                   (itself / "den__hard__view_00", 3)]  # fmt: skip
+    less, missing, whole = legoworld.bench_score(
+        dataset / "bench", submissions, render=False, workers=2
+    )
+    assert 0 < less.R < whole.R == 1.0
+    assert (missing.V, missing.R, missing.status) == (0, 0.0, "missing")
 
 
 def test_appearance_is_scored_with_a_render(dataset, tmp_path):

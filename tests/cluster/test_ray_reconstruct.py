@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from agents.tracks import make_track, plan, server_or_skip, snapshot_sha256, steps_file
 
-from legoworld.agents.reconstruct import Progress, TrialRow, reconstruct
+from legoworld.agents.reconstruct import make_trials
+from legoworld.api.listener import SILENT
+from legoworld.records.agents import TrialRow
 from legoworld.trajectories.folder import read_trial
 from legoworld.workers.engines import EngineName
 
@@ -37,9 +39,9 @@ def track(tmp_path: Path) -> Path:
 
 def rows_of(track: Path, scenes: Path, engine: EngineName, workers: int) -> list[TrialRow]:
     made = plan(track)
-    return reconstruct(
+    return make_trials(
         made, scenes, images=made.work.track.images, repeat=1, workers=workers, engine=engine,
-        progress=Progress(total=lambda _: None, row=lambda _: None),
+        listener=SILENT,
     )  # fmt: skip
 
 

@@ -127,14 +127,14 @@ def test_which_scene_was_finalised_is_said(
     asked: list[Any] = []
 
     def finalise(*words: Any, **how: Any) -> Finalisation:
-        asked.append((words, how["limits"].time_s, how["limits"].memory_bytes))
+        asked.append((words, how))
         return found
 
-    monkeypatch.setattr("legoworld.endpoint.workspace_finalisation.finalise_workspace", finalise)
+    monkeypatch.setattr("legoworld.endpoint.workspace_finalisation.blender_finalise", finalise)
     out = tmp_path / "out"
     words = ("blender", "finalise", tmp_path, "-o", out, "--memory-limit", "3")
     assert run(*words) == (code, printed.format(out=out), error)
-    assert asked == [((tmp_path, out), 600.0, 3 << 30)]
+    assert asked == [((tmp_path, out), {"sandbox": "auto", "memory_limit_gib": 3.0})]
     again, said, _ = run(*words, "--json")
     assert again == code
     assert json.loads(said)["finalisation"]["source"] == source
@@ -150,7 +150,7 @@ def test_what_was_picked_and_what_it_saved_is_said(
         )
 
     picks = [picked(1, 1), picked(2, 1), picked(None, 3)]
-    monkeypatch.setattr("legoworld.trajectories.pick.pick", lambda *_: picks)
+    monkeypatch.setattr("legoworld.trajectories.api.pick", lambda *_: picks)
     monkeypatch.setattr("legoworld.trajectories.pick.saved_regret", lambda *_: (0.125, 2))
     monkeypatch.setattr("legoworld.trajectories.page.final_scores", lambda _: None)
     out = tmp_path / "out"
@@ -186,11 +186,9 @@ def test_the_cores_are_shared_among_a_server_s_workers(
         def __exit__(self, *_error: object) -> None:
             pass
 
-    monkeypatch.setattr("legoworld.bench.server.ScoreServer", Server)
-    monkeypatch.setattr("legoworld.workers.processors.usable_cores", lambda: 7)
-    monkeypatch.setattr(
-        "legoworld.evaluation.reconstruction.dataset.read_dataset", lambda path: path
-    )
+    monkeypatch.setattr("legoworld.api.bench.ScoreServer", Server)
+    monkeypatch.setattr("legoworld.api.bench.usable_cores", lambda: 7)
+    monkeypatch.setattr("legoworld.api.bench.read_dataset", lambda path: path)
     monkeypatch.chdir(tmp_path)
     assert run("bench", "serve", tmp_path, "--no-cache", *words.split())[0] == 0
     ((options, count),) = served

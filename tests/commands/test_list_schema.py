@@ -18,12 +18,13 @@ from legoworld.files import sha256_of_file
 from legoworld.readouts.instructions import accepted_synonyms, instructions
 from legoworld.readouts.protocol import protocol
 from legoworld.shipped import catalog
+from legoworld.tasks.shipped import TASKS as SHIPPED
 from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.vocabulary import Category, Vocabulary
 
-LABELLED = ["coco", "coco-masks", "amodal", "boxes3d", "lvis"]
-#: A bench's submission carries no labels: what its author is told is the task's instruction.
-TASKS = [*LABELLED, "eth3d"]
+MAPS = [task.name for task in SHIPPED if task.family.name in ("panoptic", "semantic")]
+LABELLED = ["coco", "coco-masks", "amodal", "boxes3d", "lvis", *MAPS]
+TASKS = [*LABELLED, "eth3d", "bench"]
 
 #: Keys that only annotations have, or that are counted from annotations.
 TRUTH_KEYS = {
@@ -174,12 +175,13 @@ def test_what_a_card_declares_is_read_from_it(task, key, value):
         *[(task, "visibility." + key) for task in TASKS for key in (
             "camera", "view", "aspect_mismatch", "clip", "camera_object_scale", "frame",
             "geometry", "samples_per_pixel", "sides", "transmission", "volumes",
-        )],
+        ) if (task, key) != ("bench", "aspect_mismatch")],
         *[(task, "vocabulary." + key) for task in LABELLED for key in (
             "case_sensitive", "underscore_is_space", "synonyms", "qualifier", "unknown_name",
             "unlabelled", "nested_instances",
         )],
-        *[(task, "scoring.max_detections_per") for task in LABELLED],
+        *[(task, "scoring.max_detections_per") for task in LABELLED if task not in MAPS],
+        *[(task, key) for task in MAPS for key in ("vocabulary.stuff", "export.sky")],
         *[(task, "readout.reads") for task in TASKS],
         ("eth3d", "export.hole"), ("eth3d", "holes.primary"), ("eth3d", "alignment.model"),
     ],
@@ -266,14 +268,14 @@ def listed(capsys: pytest.CaptureFixture[str], kind: str, *more: str) -> list[st
 def test_a_task_leaves_what_is_for_it(kind, capsys):
     every = listed(capsys, kind)
     by_task = {task: listed(capsys, kind, "--task", task) for task in TASKS}
-    if kind == "tasks":  # its scenes are built from a picture, and carry no labels
-        every.remove("bench")
+    if kind == "tasks":
         every.remove("normals")  # no dataset of it is known, and no baseline: folders are imported
         every.remove("relations")  # the same, of answers
     assert sorted({name for names in by_task.values() for name in names}) == every
     for task, names in by_task.items():
-        if kind == "baselines" and task in ("coco-masks", "amodal", "boxes3d") and not names:
-            continue  # they are imported until a specialist's card names the task
+        imported = ("coco-masks", "amodal", "boxes3d", "bench", *MAPS)
+        if not names and kind != "tasks" and task in imported:
+            continue  # answers are imported; the bench is made from scenes, and has no specialist
         assert 0 < len(names) < len(every)
         assert names == [name for name in every if name in names]
         if kind != "baselines":

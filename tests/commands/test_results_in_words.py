@@ -13,8 +13,9 @@ from unittest.mock import MagicMock
 import pytest
 
 from legoworld import cli
-from legoworld.agents.reconstruct import TrialRow
+from legoworld.api import baselines
 from legoworld.api.listener import Listener
+from legoworld.api.readout import Run
 from legoworld.cards import load_card
 from legoworld.commands import (
     baseline_output,
@@ -26,7 +27,7 @@ from legoworld.commands import (
 from legoworld.commands.output import Output
 from legoworld.errors import LegoWorldError
 from legoworld.exports.formats import Written
-from legoworld.records.agents import Usage
+from legoworld.records.agents import TrialRow, Usage
 from legoworld.records.frozen import FrozenRow, Verdict
 from legoworld.records.instances import InstanceRow
 from legoworld.records.report_page import Advice
@@ -196,7 +197,7 @@ def scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Any:
     monkeypatch.setattr("legoworld.evaluation.family.load_evaluation_family", family)
 
     def go(found: Any, *words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("legoworld.api.one_photo.score_photo", lambda *_: found)
+        monkeypatch.setattr("legoworld.api.score.score_photo", lambda *_: found)
         arguments = ["score", "scene", "--photo", "a.png", "--truth", "t.json", "--no-cache"]
         code = cli.run([*arguments, *words])
         said = capsys.readouterr()
@@ -294,17 +295,17 @@ def test_trials_as_they_end_and_as_json(
         card=SimpleNamespace(name="codex"),
         work=SimpleNamespace(track=SimpleNamespace(images=[1, 2, 3])),
     )  # fmt: skip
-    monkeypatch.setattr("legoworld.agents.run_plan.plan_run", lambda *_, **__: plan)
+    monkeypatch.setattr("legoworld.agents.campaign.plan_run", lambda *_, **__: plan)
     given = []
 
-    def reconstruct(_plan: Any, _output: Any, *, progress: Any, **words: Any) -> list[TrialRow]:
+    def make(_plan: Any, _output: Any, *, listener: Any, **words: Any) -> list[TrialRow]:
         given.append(words["images"])
-        progress.total(len(rows))
+        listener.total(len(rows))
         for row in rows:
-            progress.row(row)
+            listener.trial(row)
         return rows
 
-    monkeypatch.setattr("legoworld.agents.reconstruct.reconstruct", reconstruct)
+    monkeypatch.setattr("legoworld.agents.campaign.make_trials", make)
     (tmp_path / "t.json").touch()
     words = ["reconstruct", str(tmp_path / "t.json"), "--photos", str(tmp_path),
              "--agent", "codex", "-o", str(tmp_path / "out")]  # fmt: skip
@@ -336,11 +337,11 @@ def test_the_calls_of_a_trial_and_its_score(
     trial = SimpleNamespace(about=about, calls=["a call"])
     scores: list[Any] = [None]
     place = "legoworld.trajectories"
-    monkeypatch.setattr(f"{place}.folder.read_trial", lambda _: trial)
+    monkeypatch.setattr(f"{place}.api.read_trial", lambda _: trial)
     head = ["call", "s", "command", "status", "checkpoint", "Q", "said"]
     monkeypatch.setattr(f"{place}.page.calls_table", lambda *_: table(head, rows))
-    monkeypatch.setattr(f"{place}.page.find_score", lambda *_: scores[0])
-    monkeypatch.setattr(f"{place}.page.read_scores", lambda _: None)
+    monkeypatch.setattr(f"{place}.api.find_score", lambda *_: scores[0])
+    monkeypatch.setattr(f"{place}.api.read_scores", lambda _: None)
     words = ["trajectory", "show", str(tmp_path)]
     assert cli.run(words) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -366,7 +367,7 @@ def test_the_calls_of_a_ledger(
         {"error": "no"},
     ]
     entries = [SimpleNamespace(**{"seq": k, **known, **c}) for k, c in enumerate(changes, start=1)]
-    monkeypatch.setattr("legoworld.plugin.ledger.check_ledger", lambda _: entries)
+    monkeypatch.setattr("legoworld.plugin.ledger.plugin_replay", lambda _: entries)
     assert cli.run(["plugin", "replay", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["seq", "tool", "transaction", "then", "scene"]
@@ -406,7 +407,7 @@ def test_what_was_frozen_in_words(
         yield Listener(total=told.append, row=lambda r: told.append((r.file_name, r.status)))
 
     monkeypatch.setattr("legoworld.commands.freeze_command.shown_progress", shown)
-    monkeypatch.setattr("legoworld.running.freeze_run.freeze_scenes", freeze)
+    monkeypatch.setattr("legoworld.api.scene_folders.freeze_scenes", freeze)
 
     def said(*words: str) -> tuple[int, list[str]]:
         code = cli.run(["freeze", str(tmp_path), "--no-cache", *words])
@@ -435,7 +436,7 @@ def predicted(n_bad: int, task: str = "coco", **said: Any) -> Any:
     summary = RunSummary(
         schema_version=1, task=task, coverage=coverage, warnings=0, **{"partial": False} | said
     )
-    return SimpleNamespace(rows=rows, summary=summary)
+    return Run(folder=Path("out"), rows=tuple(rows), summary=summary, strangers=())
 
 
 @pytest.mark.parametrize(
@@ -452,10 +453,8 @@ def predicted(n_bad: int, task: str = "coco", **said: Any) -> Any:
         ),
     ],
 )  # fmt: skip
-def test_what_a_baseline_made_in_words(
-    found: Any, line: str, made: str, tmp_path: Path, capsys: Any
-) -> None:
-    code = baseline_output.show(found, tmp_path, Output(as_json=False, verbose=True))
+def test_what_a_baseline_made_in_words(found: Run, line: str, made: str, capsys: Any) -> None:
+    code = baseline_output.show(found, Output(as_json=False, verbose=True))
     lines = capsys.readouterr().out.splitlines()
     assert code == (len(found.rows) > 1)
     assert lines[0].split() == ["image", "photo", "status", "predicted"]
@@ -463,22 +462,20 @@ def test_what_a_baseline_made_in_words(
     assert lines[2 + len(found.rows)] == ""
     assert lines[3 + len(found.rows) :] == [
         *(f"failed: {k}.jpg (image {k}): no" for k in range(1, len(found.rows))),
-        f"{line} -> {tmp_path}",
+        f"{line} -> out",
     ]
-    baseline_output.show(found, tmp_path, Output(as_json=True, verbose=True))
+    baseline_output.show(found, Output(as_json=True, verbose=True))
     document = json.loads(capsys.readouterr().out)
-    assert document["run"] == str(tmp_path)
+    assert document["run"] == "out"
     assert len(document["rows"]) == len(found.rows)
 
 
 @pytest.mark.parametrize(("n_bad", "more"), [(50, []), (51, ["... and 1 more, in "])])
-def test_fifty_failures_are_listed(
-    n_bad: int, more: list[str], tmp_path: Path, capsys: Any
-) -> None:
-    baseline_output.show(predicted(n_bad), tmp_path, Output(as_json=False, verbose=False))
+def test_fifty_failures_are_listed(n_bad: int, more: list[str], capsys: Any) -> None:
+    baseline_output.show(predicted(n_bad), Output(as_json=False, verbose=False))
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 50 + len(more) + 1
-    assert lines[50:-1] == [f"{text}{tmp_path / 'per_image.jsonl'}" for text in more]
+    assert lines[50:-1] == [f"{text}out/per_image.jsonl" for text in more]
 
 
 @pytest.mark.parametrize("verbose", [False, True])
@@ -526,10 +523,10 @@ def test_photos_that_do_not_match_a_track(
 ) -> None:
     images = [SimpleNamespace(id=k, file_name=f"{k}.jpg") for k in range(52)]
     problems = [SimpleNamespace(image=i, status="missing", found="nothing") for i in images[:51]]
-    monkeypatch.setattr(
-        "legoworld.tracks.track.load_track", lambda _: SimpleNamespace(images=images)
-    )
-    monkeypatch.setattr("legoworld.track_making.make_track.check_photos", lambda *_: problems)
+    for module in ("legoworld.tracks.track", "legoworld.api.tracks"):
+        loaded = SimpleNamespace(images=images)
+        monkeypatch.setattr(f"{module}.load_track", lambda _, loaded=loaded: loaded)
+    monkeypatch.setattr("legoworld.api.tracks.check_photos", lambda *_: problems)
     (tmp_path / "t.json").touch()
     words = ["track", "check", str(tmp_path / "t.json"), "--photos", str(tmp_path)]
     assert cli.run(words) == 1
@@ -558,9 +555,9 @@ def test_the_page_of_trials_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     given: list[Any] = []
-    monkeypatch.setattr("legoworld.trajectories.folder.recorded_trials", lambda _: ["a trial"])
+    monkeypatch.setattr("legoworld.trajectories.api.recorded_trials", lambda _: ["a trial"])
     monkeypatch.setattr(
-        "legoworld.trajectories.page.write_page",
+        "legoworld.trajectories.api.write_page",
         lambda *words, **how: given.append((words, how)),
     )
     page = tmp_path / "page.html"
@@ -592,7 +589,7 @@ def test_an_import_s_option_for_another_task_is_refused(
     capsys: Any,
 ) -> None:
     about = SimpleNamespace(card=load_card(task))
-    monkeypatch.setattr(baseline_output, "load_track_and_protocol", lambda *_: (None, about))
+    monkeypatch.setattr(baselines, "_track_and_protocol", lambda *_: (None, about))
     (tmp_path / "t.json").touch()
     arguments = ["baseline", "import", str(tmp_path), "--task", task, "--track",
                  str(tmp_path / "t.json"), "-o", str(tmp_path / "run"), *words.split()]  # fmt: skip
@@ -606,7 +603,7 @@ def test_a_run_is_evaluated_and_not_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     about = SimpleNamespace(card=load_card("coco"))
-    monkeypatch.setattr(baseline_output, "load_track_and_protocol", lambda *_: (None, about))
+    monkeypatch.setattr(baselines, "_track_and_protocol", lambda *_: (None, about))
     for name in ("t.json", "run.json"):
         (tmp_path / name).touch()
     words = ["baseline", "import", str(tmp_path), "--task", "coco", "--track",

@@ -27,10 +27,11 @@ from legoworld.endpoint.serve import (
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import CALL_TIME_S, Session, Trial
 from legoworld.endpoint.trial_record import TrialRecord, read_rows, write_rows
-from legoworld.endpoint.workspace_finalisation import finalise_workspace
+from legoworld.endpoint.workspace_finalisation import blender_finalise
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
 from legoworld.records.endpoint import BlenderReply, Call, Checkpoint, Command, Failure, Success
 from legoworld.workers.protections import protections
+from legoworld.workers.sandbox import SandboxLimits
 
 PNG = b"\x89PNG\r\n\x1a\n" + (13).to_bytes(4, "big") + b"IHDR" + b"\0\0\0\1" * 2 + bytes(32)
 HELD = protections("limits")
@@ -461,17 +462,19 @@ def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_pat
     monkeypatch.setattr(workspace_finalisation, "BlenderProcess", Process)
     monkeypatch.setattr(workspace_finalisation, "finalise", finalise)
     output = tmp_path / "deep" / "out"
-    assert finalise_workspace(workspace, output, limits=LIMITS, held=HELD) == "made"
+    monkeypatch.setattr(workspace_finalisation, "protections", lambda _sandbox: HELD)
+    assert blender_finalise(workspace, output, memory_limit_gib=3) == "made"
     memory, ((kept,), where, how), closed = asked
-    assert (memory, closed, where) == (LIMITS.memory_bytes, "closed", output)
+    assert (memory, closed, where) == (3 << 30, "closed", output)
     assert (kept.kind, kept.call, kept.at_s) == ("saved", 1, 45.0)
     assert how == {
-        "workspace": workspace, "limits": LIMITS, "held": HELD, "blender": "the blender",
+        "workspace": workspace, "held": HELD, "blender": "the blender",
+        "limits": SandboxLimits(time_s=600.0, memory_bytes=3 << 30),
     }  # fmt: skip
-    finalise_workspace(workspace, output, limits=LIMITS, held=HELD)
+    blender_finalise(workspace, output)
     (output / "there").write_text("")
     with pytest.raises(UsageError, match="output folder is not empty"):
-        finalise_workspace(workspace, output, limits=LIMITS, held=HELD)
+        blender_finalise(workspace, output)
 
 
 def serving(tmp_path, **how):

@@ -51,6 +51,7 @@ def main(legoworld: str, examples: Path, datasets: Path) -> None:
         "evaluate bench-run --truth bench/private -o bench-eval",
         "bench reward bench-eval -o reward.json", "bench table bench-eval -o table",
         "bench export --harbor bench -o tasks", "bench serve bench --no-render",
+        "demo -o demo",
         "blender --help", "plugin --help", "trajectory --help", "reconstruct --help",
     ]  # fmt: skip
     for step in steps:

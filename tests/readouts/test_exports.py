@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from pycocotools import mask as coco_mask
-from readouts.quads import SQUARE, at, quads
+from readouts.made_views import view_of
 from strategies import id_pictures
 
 from legoworld.cards import load_card
@@ -32,39 +32,8 @@ from legoworld.records.base import as_json, canonical
 from legoworld.scene.instances import Instance
 from legoworld.tasks.shipped import TASKS
 from legoworld.tracks.vocabulary import Category
-from legoworld.visibility.kernel import Buffers, Surfaces
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.runs import ColumnRuns, instance_extents
-from legoworld.visibility.view import View
-
-#: A view of made-up buffers has no surfaces behind it.
-NOTHING = Surfaces(
-    vertices=np.empty((0, 3), np.float32),
-    triangles=np.empty((0, 3), np.int32),
-    vertex_start=np.zeros(1, np.int64),
-    triangle_start=np.zeros(1, np.int64),
-    placement_mesh=np.empty(0, np.int32),
-    cam_from_mesh=np.empty((0, 3, 4)),
-    placement_id=np.empty(0, np.int32),
-    cutouts=None,
-)
-
-
-def view_of(instance: np.ndarray, n: int) -> View:
-    height, width = instance.shape
-    area, extents = instance_extents(instance, n)
-    return View(
-        snapshot=quads(("square", SQUARE, at(0, 0, 0))),
-        size_wh=(width, height),
-        projection=Projection(orthographic=False, fx=1, fy=1, cx=0, cy=0, z_near=0.1, z_far=100),
-        surfaces=NOTHING,
-        depth_scale=1.0,
-        buffers=Buffers(
-            instance=instance, depth_z_m=np.where(instance < 0, np.inf, 1).astype(np.float32)
-        ),
-        area_px=area,
-        bbox_xyxy_px=extents,
-    )
+from legoworld.visibility.runs import ColumnRuns
 
 
 def instances(*category_ids: int | None) -> list[Instance]:
@@ -232,8 +201,12 @@ def test_every_task_reads_out_what_its_card_says(tmp_path):
         if reading.card.reads in ("amodal", "boxes_3d"):
             continue  # of surfaces, not of a picture: test_amodal.py, test_boxes3d.py
         payload = {"boxes": "bbox", "masks": "segmentation", "depth": None, "normals": None,
-                   "relations": None, "surface_and_render": None}  # fmt: skip
+                   "segments": None, "category_map": None, "relations": None,
+                   "surface_and_render": None}  # fmt: skip
         payload = payload[reading.card.value("readout.reads")]
+        if task.family.labelled:
+            assert reading.override_property == reading.card.value("vocabulary.override_property")
+            assert len(reading.vocabulary.categories) == reading.card.value("vocabulary.size")
         if payload is None:
             assert reading.readout.exports is None
             assert (reading.vocabulary is None) == (reading.override_property is None)
@@ -250,7 +223,5 @@ def test_every_task_reads_out_what_its_card_says(tmp_path):
         document = as_json(found[0][0])
         assert sorted(document) == sorted(reading.card.value("export.fields"))
         assert payload in document
-        assert reading.override_property == reading.card.value("vocabulary.override_property")
-        assert len(reading.vocabulary.categories) == reading.card.value("vocabulary.size")
     with pytest.raises(UsageError, match="unknown task 'boxes'; expected: coco or "):
         protocol("boxes", None)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from legoworld.records.base import to_record
 from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
@@ -243,10 +244,14 @@ def test_a_label_outside_the_vocabulary_is_named_where_its_category_is_missed() 
         status="ok",
         unmatched=(Unmatched(label="Tables", count=1, nearest=("table",)),),
     )
-    said = advice("lvis", [((10, 20, 80, 60), TABLE)], [], run_row=row)[0]
-    assert said == (
-        "missed: 1 x table => the label 'Tables' is not in the vocabulary: write 'table'"
-    )
+    said = advice("lvis", [((10, 20, 80, 60), TABLE)], [], run_row=row)
+    assert said[:2] == [
+        "the label 'Tables' (1 x) is not in the vocabulary => nearest names: table",
+        "missed: 1 x table => the label 'Tables' is not in the vocabulary: write 'table'",
+    ]
+    far = replace(row, unmatched=(Unmatched(label="plate", count=1, nearest=("airplane",)),))
+    said = advice("lvis", [((10, 20, 80, 60), TABLE)], [], run_row=far)
+    assert [text.startswith("the label 'plate'") for text in said].index(True) == len(said) - 1
     plain = advice("lvis", [((10, 20, 80, 60), TABLE)], [])[0]
     assert "`legoworld inspect` lists objects without category" in plain
 

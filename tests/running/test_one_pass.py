@@ -21,6 +21,7 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.shipped import catalog
 
 TASKS = ["eth3d", "coco", "lvis", "coco-masks", "amodal", "boxes3d", "normals", "relations"]
+TASKS += ["coco-panoptic", "voc-semantic"]
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,10 @@ def merge(output: Path, *shards: Path) -> int:
     return cli.run(["merge", *map(str, shards), "-o", str(output)])
 
 
-@pytest.mark.parametrize("task", ["coco", "lvis", "eth3d", "normals", "relations"])
+TASKS = ["coco", "lvis", "eth3d", "normals", "relations", "coco-panoptic"]
+
+
+@pytest.mark.parametrize("task", TASKS)
 def test_merged_shards_are_the_undivided_run(task, scenes: Path, tmp_path: Path):
     assert readout(scenes, tmp_path / "whole", task=task) == 1  # one scene has no camera
     shards = [tmp_path / f"shard{i}" for i in (1, 2, 3, 4)]
@@ -109,7 +112,7 @@ def test_shards_that_make_up_no_run_are_refused(scenes: Path, tmp_path: Path, ca
         ([a, a, b], "given twice: 1/2"),
         ([a, other], "different images_sha256"),
         ([a, whole], "not a shard"),
-        ([tmp_path, b], "not a finished shard"),
+        ([tmp_path, b], f"{tmp_path} is not a run: it holds {a}, which is a run"),
         ([whole, a], "whole is not a shard"),
         ([a, a, b, b], "given twice: 1/2, 2/2"),
     ]:

@@ -38,7 +38,7 @@ def test_a_folder_without_scenes_is_refused_by_its_name(tmp_path):
     put(tmp_path, "photos/a.jpg")
     with pytest.raises(CatalogError) as caught:
         track_of_folder(tmp_path / "photos")
-    assert caught.value.found == "no scene.blend or scene.glb below photos"
+    assert caught.value.found == f"no scene.blend or scene.glb below {tmp_path / 'photos'}"
 
 
 def test_folders_that_were_meant_as_scenes(tmp_path):

@@ -125,7 +125,7 @@ def _record(kind: type[T], path: Path, expected: str) -> T:
         return decode(kind, path.read_bytes())
     except (OSError, RecordError, LegoWorldError) as error:
         raise BenchTruthError(
-            f"{path.parent.name}/{path.name} cannot be read",
+            f"{path} cannot be read",
             found=cause(error),
             expected=expected,
             next_step="pass the folder that `legoworld bench make` wrote as DATASET/private, with "

@@ -13,6 +13,7 @@ from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import AnyEvidence, EvaluationEvidence, OfKind
 from legoworld.records.families import decode_evidence, decode_rows, decode_summary
+from legoworld.records.folders.folder_kind import folder_of_other_kind
 
 SUMMARY: Final = "summary.json"
 PER_IMAGE: Final = "per_image.jsonl"
@@ -32,7 +33,7 @@ def require_finished(folder: Path) -> None:
     """EvaluationFolderError when a folder is no finished evaluation."""
     if not (folder / EVIDENCE).is_file() or not (folder / SUMMARY).is_file():
         raise EvaluationFolderError(
-            f"{folder.name or folder} is no finished evaluation",
+            folder_of_other_kind(folder, "an evaluation") or f"{folder} is no finished evaluation",
             found=f"no {SUMMARY} with {EVIDENCE}",
             expected="a folder that `legoworld evaluate` wrote",
         )
@@ -70,7 +71,7 @@ def _evidence_bytes(folder: Path) -> bytes:
         return (folder / EVIDENCE).read_bytes()
     except OSError as error:
         raise EvaluationFolderError(
-            f"{folder.name or folder} has no readable {EVIDENCE}",
+            folder_of_other_kind(folder, "an evaluation") or f"{folder} has no readable {EVIDENCE}",
             found=cause(error),
             expected="a folder that `legoworld evaluate` or `legoworld compare` wrote",
         ) from error
@@ -82,7 +83,7 @@ def _reading_evidence(folder: Path) -> Iterator[None]:
         yield
     except RecordError as error:
         raise EvaluationFolderError(
-            f"{folder.name or folder}/{EVIDENCE} is damaged",
+            f"{folder}/{EVIDENCE} is damaged",
             found=str(error),
             expected="a sha256 for each file, and a role, a path and a sha256 for each input",
             next_step="evaluate or compare again with --overwrite",
@@ -108,7 +109,7 @@ def translate_read_errors(folder: Path, name: str) -> Iterator[Path]:
         yield folder / name
     except (OSError, RecordError) as error:
         raise EvaluationFolderError(
-            f"{folder.name or folder}/{name} cannot be read",
+            f"{folder}/{name} cannot be read",
             found=cause(error),
             expected="what `legoworld evaluate` wrote",
             next_step="evaluate the run again with --overwrite",

@@ -17,6 +17,8 @@ from legoworld.records.run_rows import RunRow
 RUN: Final = "run.json"
 ROWS: Final = "per_image.jsonl"
 SUMMARY: Final = "summary.json"
+#: What a family has of all images in one file; the files of images lie in the folder of its name.
+ANSWERS: Final = "answer.json"
 #: What a run that has not ended has in place of run.json.
 CONFIGURATION: Final = "configuration.json"
 #: The schema of run.json; 2 added `results_sha256`.

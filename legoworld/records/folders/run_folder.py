@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -29,6 +29,7 @@ from legoworld.records.folders.prediction_files import (
     write_predictions,
 )
 from legoworld.records.folders.read_run import (
+    ANSWERS,
     CONFIGURATION,
     ROWS,
     RUN,
@@ -47,11 +48,12 @@ from legoworld.records.folders.run_journal import (
     predictions_at,
 )
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary
+from legoworld.records.run_rows import RunRow
 
 _LOCK: Final = ".lock"
 #: Begins the name of the folder in which a baseline's process writes, while it runs.
 BASELINE_SCRATCH: Final = ".legoworld-baseline-"
-_RESULTS: Final = (RUN, ROWS, SUMMARY, JOURNAL)
+_RESULTS: Final = (RUN, ROWS, SUMMARY, ANSWERS, JOURNAL)
 #: All that a run writes into its folder, and what of it only a run has.
 _OF_A_RUN: Final = {*_RESULTS, CONFIGURATION, _LOCK, PREDICTIONS, FOLDER, *FOLDERS}
 _OF_A_RUN_ALONE: Final = {ROWS, JOURNAL, _LOCK}
@@ -215,11 +217,12 @@ def finish(
     run: RunFile,
     summary: RunSummary,
     with_predictions: bool,
+    complete: Callable[[Path, Sequence[RunRow]], None] | None = None,
 ) -> None:
     """Write the canonical files, each whole or not at all, and drop the journal.
 
     run: without its scenes and hashes; its configuration says how many images' predictions a file
-    holds.
+    holds. complete: writes the files that a family has of all its rows.
     """
     ordered = sorted(records, key=lambda r: r.row.image_id)
     before = _earlier_results(folder)
@@ -227,6 +230,8 @@ def finish(
         places = [r.at for r in ordered]
         per_file = run.configuration.images_per_file or None
         write_predictions(folder, per_file, predictions_at(folder, places), len(places))
+    if complete is not None:
+        complete(folder, [r.row for r in ordered])
     write_text(folder / ROWS, "".join(canonical(r.row) + "\n" for r in ordered))
     write_text(folder / SUMMARY, readable(summary))
     document = structs.replace(
@@ -267,7 +272,8 @@ def _earlier_results(folder: Path) -> tuple[RunFile, Mapping[str, str]] | None:
 
 def _result_files(folder: Path) -> list[Path]:
     """All that a finished run consists of but run.json and the files of its rows."""
-    return [folder / ROWS, folder / SUMMARY, *present_files(folder)]
+    answers = [folder / ANSWERS] if (folder / ANSWERS).is_file() else []
+    return [folder / ROWS, folder / SUMMARY, *answers, *present_files(folder)]
 
 
 def _delete_results(folder: Path) -> None:

@@ -7,6 +7,7 @@ import { findingsOf, objectsOf, recordOf, scoreLine } from "./findings.js";
 import { frameKey, linkedFrames } from "./frames.js";
 import { neighbours, step } from "./gallery.js";
 import { linkItems } from "./links.js";
+import { mapLegend, mapPanes } from "./maps.js";
 import { describe, drawnItems } from "./outcomes.js";
 import { layerSwitches, paneChoices } from "./panes.js";
 import { here, moveTo, noteInAddress } from "./place.js";
@@ -153,10 +154,11 @@ function stageOf(section, view, items, links, place, note) {
   }, (x, y) => { if (depth) { depth.point(x, y); } });
   const depth = view.depth ? depthPanes(view, frames, readout) : null;
   const scenes = sceneChoices(view, items, links);
-  const panes = depth ? depth.choices : section.bench ? benchPanes(section, view, items, frames) : paneChoices(view, items, frames);
+  const maps = view.maps ? mapPanes(view, frames) : null;
+  const panes = depth ? depth.choices : maps || (section.bench ? benchPanes(section, view, items, frames) : paneChoices(view, items, frames));
   const choices = [...panes, ...scenes];
   const open = new Map();
-  const usual = choices.filter((c) => !c.why && (section.bench ? c.usual && c.key.slice(0, 5) !== "scene" : depth ? c.usual !== false : /^(side|slide|scene)/.test(c.key)))
+  const usual = choices.filter((c) => !c.why && (section.bench ? c.usual && c.key.slice(0, 5) !== "scene" : depth || maps ? c.usual !== false : /^(side|slide|scene)/.test(c.key)))
     .map((c) => c.key);
   const wanted = place.panes ? place.panes.split(".") : usual;
   function set(choice, on) {
@@ -181,7 +183,7 @@ function stageOf(section, view, items, links, place, note) {
   const layerKeys = LAYER_KEYS.filter((key) => key === "names" || (key === "object") === Boolean(section.bench));
   const paint = () => layerKeys.forEach((key) => grid.classList.toggle("no-" + key, !shown.has(key)));
   paint();
-  const layers = view.depth || view.questions ? [] : [layerSwitches(items, shown, section.bench ? ["object"] : OUTLINED, (key, on) => {
+  const layers = view.depth || view.questions || maps ? [] : [layerSwitches(items, shown, section.bench ? ["object"] : OUTLINED, (key, on) => {
     if (on) { shown.add(key); } else { shown.delete(key); }
     paint();
     const keys = layerKeys.filter((k) => shown.has(k));
@@ -193,7 +195,7 @@ function stageOf(section, view, items, links, place, note) {
   const bar = el("div", { class: "stage-bar" }, [el("div", { class: "switch-rows", role: "group", "aria-label": "panes" },
     switchRows(choices, switches)), zoom]);
   const whys = choices.filter((c) => c.why).map((c) => el("li", {}, [c.title + ": " + c.why]));
-  const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, depth ? depth.legends : section.bench ? benchLegends(section.bench) : null,
+  const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, depth ? depth.legends : maps ? mapLegend() : section.bench ? benchLegends(section.bench) : null,
     whys.length ? el("details", { class: "whys" }, [
       el("summary", {}, [whys.length === 1 ? "1 pane is not there" : whys.length + " panes are not there"]),
       el("ul", {}, whys)]) : null]);

@@ -14,6 +14,8 @@ export function scoreLine(cell, n_truth, label) {
   if (cell.valid !== undefined) {
     const numbers = ["S", "R", "A"].flatMap((name) => [name + " ", el("b", {}, [fixed(cell[name])]), name === "A" ? "" : ", "]);
     parts.push(...numbers, cell.valid ? ", valid" : el("span", { class: "flag" }, [", not valid"]));
+  } else if (cell.counts) {
+    parts.push(cell.metric + " of this photo ", el("b", {}, [fixed(cell.quality, 4)]));
   } else if (cell.tp !== undefined) {
     parts.push(cell.tp + " of " + counted(n_truth, "object", "objects") + " detected, ",
       counted(cell.fp, "false positive", "false positives") + ", " + cell.fn + " missed; quality ",

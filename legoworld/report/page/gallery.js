@@ -54,6 +54,8 @@ export function orders(section) {
     found.push(["-q" + k, "best" + of, (r) => quality(r, k)]);
     if (section.bench) {
       found.push(["r" + k, "lowest R" + of, (r) => cell(r, k).R], ["a" + k, "lowest A" + of, (r) => cell(r, k).A]);
+    } else if (section.images.some((r) => cell(r, k).counts)) {
+      return;
     } else if (depth) {
       found.push(["-hole" + k, "most holes" + of, (r) => cell(r, k).holes]);
     } else if (section.family !== "relations") {
@@ -168,6 +170,8 @@ function markOf(cell, label) {
       el("span", { class: "mark-n" }, [name + " " + fixed(cell[name], 2)])) : [el("b", { class: "flag" }, ["not valid"])]);
   } else if (cell.accuracy !== undefined) {
     parts.push(el("b", {}, [fixed(cell.accuracy, 2)]), " accuracy");
+  } else if (cell.counts) {
+    parts.push(el("b", {}, [fixed(cell.quality, 2)]), " " + cell.metric);
   } else if (cell.quality === undefined) {
     parts.push(el("b", {}, [cell.abs_rel ? fixed(cell.abs_rel.error_1) : "-"]), " AbsRel");
   } else {
@@ -186,7 +190,8 @@ function count(layer, n) {
 function thumbnail(section, view) {
   const [w, h] = view.size_wh;
   const url = pictureUrl("photo", view.photo);
-  const over = section.bench ? pictureUrl("overlay", view.sides[0].hit_picture) : null;
+  const at = section.bench ? view.sides[0].hit_picture : view.maps ? view.maps.answers[0] : null;
+  const over = pictureUrl("overlay", at);
   const ground = url ? svg("image", { href: url, width: w, height: h, preserveAspectRatio: "none", class: over ? "faded" : null })
     : svg("rect", { class: "no-photo", width: w, height: h });
   const items = view.truths ? drawnItems(view, section.names).filter((i) => i.side === 0) : [];

@@ -74,12 +74,11 @@ def execute(
         made = scratch / "made"
         made.mkdir()
         notice(f"running {program.name}")
-        report = _run(program, inputs, scratch, made, limits, held)
+        report, hints = _run(program, inputs, scratch, made, limits, held)
         warnings = list(report.warnings)
         if "render" in report.skipped:
             warnings.append(f"the program's own render calls were skipped; see {PICTURE}")
-        if held.bubblewrap and report.error:
-            warnings += _not_shown(report.error.message, program, inputs)
+        warnings += hints
         check = _check(reader, made, warnings)
         if picture and check.code != "no_camera":
             notice(f"rendering {PICTURE}")
@@ -94,8 +93,11 @@ def _run(
     made: Path,
     limits: Limits,
     held: Protections,
-) -> ProgramReport:
-    """Run the program and move what it left into `made`; raises its verdict."""
+) -> tuple[ProgramReport, list[str]]:
+    """Run the program and move what it left into `made`; raises its verdict.
+
+    With its report: what helps a program that failed at a file or a module.
+    """
     workspace = scratch / "sandbox"
     workspace.mkdir()
     allowed = SandboxLimits(time_s=limits.time_s, memory_bytes=limits.memory_bytes)
@@ -124,12 +126,19 @@ def _run(
             raise over_limit(ending, ending.over, report.at, allowed, program)
         if report.ok is None:
             raise ended_early(ending, report.at, program)
-        hints = _not_shown(report.reason.found, program, inputs) if report.reason else []
-        _refuse_failure(report, allowed, hints if held.bubblewrap else [])
+        hints = []
+        if (
+            failed := report.reason.found
+            if report.reason
+            else report.error and report.error.message
+        ):
+            alone = held.bubblewrap is not None
+            hints = _hints(failed, ending.last_output, program, inputs, shown_alone=alone)
+        _refuse_failure(report, allowed, hints)
         if _take_file(workspace, BLEND, made) is None:
             raise _no_scene("no such file")
         _take_file(workspace, GLB, made)
-    return report
+    return report, hints
 
 
 def _take_file(workspace: Path, name: str, made: Path) -> Path | None:
@@ -181,20 +190,30 @@ def _refuse_failure(report: ProgramReport, allowed: SandboxLimits, hints: Sequen
     raise from_reason(as_json(reason))
 
 
-def _not_shown(error: str, program: Path, inputs: Sequence[Path]) -> list[str]:
-    """A hint for each file that an error names, that is there and that bubblewrap did not show.
+def _hints(
+    error: str, printed: str, program: Path, inputs: Sequence[Path], *, shown_alone: bool
+) -> list[str]:
+    """A hint for each file that the caller has and the program has not, and for each such module.
 
-    A module is looked for beside the program. A module found nowhere is unrelated to the sandbox.
+    error: the program's; printed: its last output, where some libraries name a file that they
+    cannot read. shown_alone: whether the program sees only itself and `inputs`. A module is looked
+    for beside the program.
     """
     shown = [program.resolve(), *(path.resolve() for path in inputs)]
     hints = []
-    for _, named in _QUOTED.findall(error):
-        places = [named] if named.startswith("/") else [f"{program.parent.resolve()}/{named}.py"]
-        for place in places:
-            if not os.path.exists(place):  # noqa: PTH110  False for what can be no path
-                continue
-            if not any(Path(place).resolve().is_relative_to(path) for path in shown):
-                hints.append(f"bubblewrap does not show {place} to the program: --input {place}")
+    for named in dict.fromkeys(name for _, name in _QUOTED.findall(f"{error}\n{printed}")):
+        module = f"No module named '{named}'" in error
+        beside = program.parent / (f"{named}.py" if module else named)
+        here = os.path.exists if named.startswith("/") else os.path.isfile  # False for no path
+        place = next((p.resolve() for p in (beside, Path(named)) if here(p)), None)
+        hidden = shown_alone and not any(place and place.is_relative_to(path) for path in shown)
+        if module and place is None:
+            hints.append(f"{named} is not in Blender's Python, which runs the program")
+        elif place and hidden and (module or named.startswith("/")):
+            hints.append(f"bubblewrap does not show {place} to the program: --input {place}")
+        elif place and not module and not named.startswith("/"):
+            given = f"pass --input {place} and " if hidden else ""
+            hints.append(f"the program runs in an empty folder: {given}read {named} as {place}")
     return hints
 
 

@@ -155,6 +155,30 @@ def test_the_shipped_names_need_no_track_and_others_do(exported, tmp_path):
     assert len(document["images"]) == 12
 
 
+def test_a_scene_s_run_names_its_categories_itself(exported, tmp_path, monkeypatch):
+    """Those that it predicts: run.json has the others as a hash alone."""
+    truth = random_truth("coco", seed=1)
+    names = {c["id"]: c["name"] for c in truth["categories"]}
+    predictions = random_predictions("coco", truth, seed=2)
+    rows: dict = {}
+    for one in sorted(predictions, key=by_canonical_key):
+        row = rows.setdefault(one["image_id"], {"exported": []})
+        row["exported"].append({"name": "x", "category": names[one["category_id"]], "objects": []})
+        row["n_predictions"] = len(row["exported"])
+    code, document, _ = exported("coco", truth, predictions, rows=rows)
+    assert code == 0
+    used = {one["category_id"] for one in predictions}
+    assert {c["id"]: c["name"] for c in document["categories"]} == {i: names[i] for i in used}
+    _, whole, _ = exported(
+        "coco", truth, predictions, "--track", tmp_path / "track.json", "--overwrite", rows=rows
+    )
+    assert whole["annotations"] == document["annotations"]
+    assert whole["info"] == document["info"]
+    monkeypatch.chdir(tmp_path)
+    assert call(["export", "run", "--track", "track.json"]) == 0
+    assert json.loads((tmp_path / "legoworld-runs" / "run-coco.json").read_text()) == whole
+
+
 def test_images_without_a_result_stay_and_are_named(exported, tmp_path):
     truth = random_truth("coco", seed=1)
     rows = {13: {"status": "missing"}}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from scene.programs.executed import BUILD, execute, execution
 
-from legoworld import cli
+from legoworld import cli, exit_codes
 from legoworld.files import sha256_of_file
 from legoworld.scene.programs.verdicts import ended_early, over_limit
 from legoworld.scene.side_files import program_warnings
@@ -213,7 +213,7 @@ def test_a_program_that_exits_by_itself_says_with_what(tmp_path, capsys):
 def test_a_scene_without_a_camera_is_whole_and_says_what_it_lacks(tmp_path):
     program = BUILD.replace("bpy.context.scene.camera = camera\n", "")
     code, output = execute(tmp_path, program)
-    assert code == 0
+    assert code == exit_codes.NOT_ASSESSED
     made = execution(output)
     assert made["check"]["code"] == "no_camera"
     assert made["status"] == "complete"

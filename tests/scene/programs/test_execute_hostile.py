@@ -13,6 +13,7 @@ from waiting import until
 from workers.confinements import bubblewrap_or_skip
 
 from legoworld.records.execution import ProgramReport, Reason
+from legoworld.scene.programs.execution import _hints
 from legoworld.scene.programs.report import read_report
 
 pytestmark = pytest.mark.blender
@@ -116,7 +117,6 @@ def test_bubblewrap_keeps_a_program_from_its_callers_files(tmp_path):
         ("bpy.data.images.load({there!r})", "there.png"),  # a RuntimeError of Blender's
         ("import beside", "beside.py"),
         ("open({there!r} + '.not')", None),  # it is nowhere: no --input would help
-        ("import nowhere", None),
         ("open('a\\0b')", None),
     ],
 )
@@ -129,6 +129,28 @@ def test_a_hint_names_what_bubblewrap_did_not_show_and_nothing_else(tmp_path, re
     assert code == 1
     hints = [word for word in execution(output)["warnings"] if "--input" in word]
     assert [word.endswith(f"--input {tmp_path}/{named}") for word in hints] == [True] * bool(named)
+
+
+def test_a_hint_names_the_file_that_a_relative_path_meant_and_a_module_that_is_nowhere(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.png").write_bytes(b"no picture, but a file")
+    silent = "import cv2\ncv2.imread('there.png').shape\n"  # the error names no file, cv2 does
+    for reads in ("open('there.png')\n", silent):
+        code, output = execute(tmp_path, BUILD + reads, "--no-picture", "--sandbox", "limits")
+        assert code == 1
+        (hint,) = execution(output)["warnings"]
+        path = tmp_path / "there.png"
+        assert hint == f"the program runs in an empty folder: read there.png as {path}"
+    _, output = execute(tmp_path, BUILD + "import nowhere.near\n", "--no-picture")
+    assert execution(output)["warnings"] == [
+        "nowhere is not in Blender's Python, which runs the program"
+    ]
+    program = tmp_path / "program.py"
+    alone = _hints("'there.png'", "", program, [], shown_alone=True)
+    assert alone[0].startswith(f"the program runs in an empty folder: pass --input {path} and read")
+    assert _hints("'there.png'", "", program, [path], shown_alone=True) == [hint]
 
 
 def test_escape_sequences_in_an_error_do_not_reach_the_terminal(tmp_path, capsys):

@@ -1,0 +1,195 @@
+"""LEGO-Bench, from reference scenes to scores and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from legoworld.api import settings
+from legoworld.api.arguments import check_arguments
+from legoworld.api.listener import SILENT, Listener
+from legoworld.bench.dataset import MadeDataset, MakeRequest, make_dataset
+from legoworld.bench.family import MakeOptions
+from legoworld.bench.harbor import HarborOptions, export_harbor
+from legoworld.bench.server import ScoreServer, ServeOptions
+from legoworld.cards import load_card
+from legoworld.comparison.leaderboard import (
+    case_scores,
+    leaderboard,
+    read_entries,
+    write_leaderboard,
+)
+from legoworld.evaluation.reconstruction.dataset import read_dataset
+from legoworld.evaluation.reconstruction.judges import judge_agreement
+from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.files import canonical_json, sha256_of_file, write_text
+from legoworld.records.base import readable, to_record
+from legoworld.records.bench_dataset import PictureCard, RenderCard
+from legoworld.records.bench_serving import ServeAnswer
+from legoworld.records.folders.read_evaluation import EVIDENCE
+from legoworld.records.reconstruction_judges import JudgesFile
+from legoworld.records.reconstruction_leaderboard import Leaderboard
+from legoworld.records.run_rows import RunRow
+from legoworld.running.submission import bench_rules
+from legoworld.tasks.shipped import BENCH
+from legoworld.workers.engines import EngineName, engine_cores
+from legoworld.workers.processors import usable_cores
+
+
+@check_arguments
+def bench_make(
+    scenes: str | Path,
+    output: str | Path,
+    *,
+    size_wh: tuple[int, int] = (1920, 1080),
+    limit: int | None = None,
+    samples: int = 128,
+    denoised: bool = True,
+    noise_seeds: int = 3,
+    keep_scenes: str | Path | None = None,
+    require_frozen: bool = False,
+    workers: int | None = None,
+    engine: EngineName = "local",
+    cache: settings.Cache = True,
+    overwrite: bool = False,
+    time_limit_s: float = settings.TIME_LIMIT_S,
+    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+    listener: Listener = SILENT,
+) -> MadeDataset:
+    """Make cases from reference scenes: output/public for agents, output/private for `evaluate`.
+
+    size_wh, samples, denoised: of the pictures. noise_seeds: renders by the render card of which
+    A's noise floor is measured. keep_scenes: also write each case there as a scene folder, the
+    reference submitted as itself. Other arguments: as in `readout`. A scene that cannot become
+    cases is among the `refused_families`, with its reason.
+    """
+    card, top = load_card(BENCH), Path(output).absolute()
+    options = MakeOptions(
+        output=top,
+        size_wh=size_wh,
+        picture=PictureCard(
+            engine="CYCLES", device="CPU", samples=samples, seed=0, denoised=denoised
+        ),
+        card=to_record(RenderCard, card.value("render")),
+        delta=card.value("scoring.delta"),
+        noise_seeds=noise_seeds,
+        scenes=Path(keep_scenes).absolute() if keep_scenes else None,
+        cache=settings.snapshot_cache(cache),
+        require_frozen=require_frozen,
+        threads=1,
+        notice=listener.notice if engine == "local" else None,
+    )
+    request = MakeRequest(
+        scenes=Path(scenes),
+        options=options,
+        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        engine=engine,
+        workers=workers or engine_cores(engine),
+        limit=limit,
+        overwrite=overwrite,
+    )
+    return make_dataset(
+        request,
+        total=listener.total,
+        progress=lambda made: listener.row(
+            RunRow(image_id=0, file_name=made.family, status=made.status)
+        ),
+    )
+
+
+@check_arguments
+def bench_serve(
+    dataset: str | Path,
+    requests: BinaryIO,
+    answer: Callable[[ServeAnswer], None],
+    *,
+    root: str | Path = ".",
+    render: bool = True,
+    diagnostics: bool = False,
+    workers: int | None = None,
+    cache: settings.Cache = True,
+    time_limit_s: float = settings.TIME_LIMIT_S,
+    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+) -> None:
+    """Score submissions from a stream of JSON lines; `answer` is called as each is done.
+
+    dataset: with both halves. A line is {"scene": folder, "image_id": number} with an optional
+    "id"; the folder is below `root`. render: False for R alone; diagnostics: also the numbers
+    beside R. Every line gets one answer, and an invalid one the status "refused".
+    """
+    bench, count = bench_protocol(), workers or usable_cores()
+    serving = ServeOptions(
+        root=Path(root).absolute(),
+        dataset=read_dataset(Path(dataset) / "private"),
+        bench=bench,
+        rules=bench_rules(bench.card, render=render, noise=False, facts=render),
+        diagnostics=diagnostics,
+        cache=settings.snapshot_cache(cache),
+        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        threads=max(1, usable_cores() // count),
+    )
+    with ScoreServer(serving, count) as server:
+        server.serve(requests, answer)
+
+
+def bench_score(
+    dataset: str | Path, submissions: Iterable[tuple[str | Path, int]], **options: Any
+) -> list[ServeAnswer]:
+    """The scores of (scene folder, image id) pairs, in their order. options: of `bench_serve`.
+
+    `root` is "/" unless it is given.
+    """
+    lines = [
+        canonical_json({"scene": str(Path(scene).absolute()), "image_id": image_id, "id": number})
+        for number, (scene, image_id) in enumerate(submissions)
+    ]
+    answers: list[ServeAnswer] = []
+    stream = BytesIO("\n".join(lines).encode())
+    bench_serve(dataset, stream, answers.append, **{"root": "/", **options})
+    return sorted(answers, key=lambda one: int(str(one.id)))
+
+
+@check_arguments
+def bench_export(dataset: str | Path, output: str | Path, **settings: Any) -> list[Path]:
+    """Write each case as a task folder for Harbor; their paths. settings: `HarborOptions`."""
+    cases = read_dataset(Path(dataset) / "private")
+    return export_harbor(cases, Path(output), HarborOptions(**settings))
+
+
+@check_arguments
+def bench_table(
+    evaluations: Sequence[str | Path],
+    output: str | Path,
+    *,
+    draws: int = 10_000,
+    seed: int = 0,
+    overwrite: bool = False,
+) -> Leaderboard:
+    """Write one row for each agent and model of bench evaluations, in four forms."""
+    sides = read_entries([Path(folder) for folder in evaluations])
+    board = leaderboard(sides, draws=draws, seed=seed)
+    write_leaderboard(Path(output), board, overwrite=overwrite)
+    return board
+
+
+@check_arguments
+def bench_judges(
+    judgements: str | Path,
+    evaluations: Sequence[str | Path] = (),
+    json_file: str | Path | None = None,
+) -> JudgesFile:
+    """How far recorded judgements agree with the scores; as JSON in a file where one is given.
+
+    evaluations: those whose scores say which submission is better, instead of the judgements.
+    """
+    sides = read_entries([Path(folder) for folder in evaluations]) if evaluations else []
+    agreement = judge_agreement(
+        Path(judgements),
+        {side.name: case_scores(side) for side in sides} if sides else None,
+        {side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
+    )
+    if json_file is not None:
+        write_text(Path(json_file), readable(agreement))
+    return agreement

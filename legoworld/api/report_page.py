@@ -1,0 +1,38 @@
+"""`write_report`: evaluations and comparisons as one HTML page."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from legoworld.api.arguments import check_arguments, optional_path
+from legoworld.api.by_task import folders_of_tasks
+from legoworld.records.folders.read_evaluation import EVIDENCE
+from legoworld.report.document import page_document
+from legoworld.report.page_file import WrittenPage, write_page
+from legoworld.report.sources import read_sources
+
+
+@check_arguments
+def write_report(
+    folders: Sequence[str | Path],
+    output: str | Path,
+    *,
+    photos: str | Path | None = None,
+    scene_folders: Sequence[str | Path] = (),
+) -> WrittenPage:
+    """Write one HTML page of evaluations and comparisons: numbers, errors, every photo.
+
+    folders: of evaluations or comparisons, or of those of several tasks. photos: the folder of the
+    photos; scene_folders: where the scenes lie, for renders and 3D. The page shows ground truth. An
+    earlier page is replaced; above 500 views or 64 MiB its pictures are in a folder beside it.
+    """
+    tops, places = [Path(folder) for folder in folders], [Path(one) for one in scene_folders]
+    sources = [one for folder in tops for one in folders_of_tasks(folder, EVIDENCE)]
+    document = page_document(read_sources(sources), optional_path(photos), places)
+    words = ["legoworld", "report", *(folder.resolve().name for folder in tops)]
+    words += ["--photos", "PHOTOS"] if photos else []
+    words += ["--scenes", "SCENES"] * len(places)
+    command = shlex.join([*words, "-o", "report.html"])
+    return write_page(document, Path(output), commands=[command])

@@ -1,0 +1,79 @@
+"""`execute` and `freeze`: a program to a scene folder, and the record of its files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from legoworld.api import settings
+from legoworld.api.arguments import check_arguments
+from legoworld.api.listener import SILENT, Listener
+from legoworld.records.execution import ExecutionFile
+from legoworld.records.frozen import FrozenRow
+from legoworld.records.run_rows import RunRow
+from legoworld.running.freeze_run import freeze_scenes
+from legoworld.scene.programs.execution import execute as execute_program
+from legoworld.workers.engines import EngineName, engine_cores
+from legoworld.workers.protections import Confinement, protections
+
+
+@check_arguments
+def execute(
+    program: str | Path,
+    output: str | Path,
+    *,
+    picture: bool = True,
+    inputs: Sequence[str | Path] = (),
+    sandbox: Confinement = "auto",
+    time_limit_s: float = settings.TIME_LIMIT_S,
+    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+    listener: Listener = SILENT,
+) -> ExecutionFile:
+    """Run a scene program in its own process and export its scene; execution.json of the folder.
+
+    picture: whether final.png is rendered. inputs: files and folders the program may read. sandbox:
+    "auto" uses bubblewrap where it works, "bubblewrap" fails without it, "limits" never uses it. A
+    program that stops leaves its partial scene and an `error`; `check` says whether the scene can
+    be read. Raises a LegoWorldError where there is no scene: the folder is then as it was.
+    """
+    held = protections(sandbox)
+    if held.bubblewrap is None:
+        listener.warn(
+            f"without bubblewrap ({held.why_not}) the program runs with your permissions; "
+            f"limited: {', '.join(held.holds)}; not limited: {', '.join(held.does_not_hold)}"
+        )
+    return execute_program(
+        Path(program),
+        Path(output),
+        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        picture=picture,
+        sandbox=sandbox,
+        inputs=[Path(path) for path in inputs],
+        notice=listener.notice,
+    )
+
+
+@check_arguments
+def freeze(
+    scenes: str | Path,
+    *,
+    workers: int | None = None,
+    engine: EngineName = "local",
+    cache: settings.Cache = True,
+    time_limit_s: float = settings.TIME_LIMIT_S,
+    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+    listener: Listener = SILENT,
+) -> list[FrozenRow]:
+    """Check every scene below a folder and write its frozen.json; a row for each, by name.
+
+    A scene that fails a check is a row whose status is not "ok". Arguments: as in `readout`.
+    """
+    return freeze_scenes(
+        Path(scenes),
+        engine=engine,
+        workers=workers or engine_cores(engine),
+        cache=settings.snapshot_cache(cache),
+        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        total=listener.total,
+        row=lambda row: listener.row(RunRow(image_id=0, file_name=row.scene, status=row.status)),
+    )

@@ -1,0 +1,55 @@
+"""`score`: one program or scene against one photo's ground truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from legoworld.api import settings
+from legoworld.api.arguments import check_arguments
+from legoworld.api.listener import SILENT, Listener
+from legoworld.api.one_photo import PhotoRequest, PhotoScore, score_photo
+from legoworld.errors import UsageError
+from legoworld.scene.folder import Source
+from legoworld.tasks.shipped import DEFAULT
+from legoworld.workers.scratch import scratch_folder
+
+
+@check_arguments
+def score(
+    program_or_scene: str | Path,
+    output: str | Path,
+    *,
+    photo: str | Path,
+    truth: str | Path,
+    task: str = DEFAULT,
+    image: str | None = None,
+    source: Source = "blend",
+    cache: settings.Cache = True,
+    time_limit_s: float = settings.TIME_LIMIT_S,
+    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+    listener: Listener = SILENT,
+) -> PhotoScore:
+    """Execute, read out and evaluate one scene; what is wrong with it, and what to do.
+
+    program_or_scene: a .py, or a scene folder, which is only read. image: the photo's id or file
+    name in the ground truth, None for its own name. Below output: the scene of a program, run,
+    evaluation, overlay and report. It reads ground truth: no agent that builds scenes may see it.
+    """
+    what = Path(program_or_scene)
+    if not what.is_dir() and what.suffix not in (".py", ".blend"):
+        raise UsageError(
+            f"{what} is not a .py, a scene folder or its scene.blend",
+            next_step="to read a scene.glb, pass its folder with --source glb",
+        )
+    with scratch_folder("legoworld-score-") as scratch:
+        request = PhotoRequest(
+            program_or_scene=what,
+            photo=Path(photo),
+            truth=Path(truth),
+            task=task,
+            image=image,
+            source=source,
+            cache=settings.snapshot_cache(cache or scratch / "snapshots"),
+            limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        )
+        return score_photo(request, Path(output), listener.notice, listener.trace)

@@ -1,0 +1,92 @@
+"""Label maps: the metrics of one side over some of its images, from its rows' integers."""
+
+from __future__ import annotations
+
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
+from legoworld.comparison.measures import (
+    HEADLINE,
+    TABLE,
+    Measure,
+    Measures,
+    Metric,
+    shared_draws,
+)
+from legoworld.evaluation.label_maps.family import MapFamily
+from legoworld.evaluation.label_maps.sums import drawn_values, present_categories, total_sums
+from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
+from legoworld.evaluation.semantic.family import MAPS as CLASSES
+from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.records.comparison import Images
+from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.label_maps import LabelMapRow, LabelMapSummary
+
+
+def _comparison(family: MapFamily) -> ComparisonFamily:
+    def measurer(
+        _scene: StoredEvaluation,
+        _images: Images,
+        kept: NDArray[np.bool_],
+        settings: ComparisonSettings,
+    ) -> Measurer:
+        counts = shared_draws(int(kept.sum()), settings.draws, settings.seed).counts
+        return lambda side: _measures(family, side, kept, counts)
+
+    return ComparisonFamily(
+        metrics=lambda _task: [
+            Metric(
+                id=name,
+                policy="-",
+                better="higher",
+                level=HEADLINE if name in family.headline else TABLE,
+            )
+            for name in family.metrics
+        ],
+        unit=lambda _side: "image",
+        measurer=measurer,
+        centred=True,
+        facts=lambda side: SideFacts(dataset_version=_summary(side).dataset_version),
+        differences=_differences,
+    )
+
+
+def _measures(
+    family: MapFamily,
+    side: StoredEvaluation,
+    kept: NDArray[np.bool_],
+    counts: NDArray[np.int32],
+) -> Measures:
+    every = cast("list[LabelMapRow]", list(side.rows))
+    rows = [row for row, keep in zip(every, kept, strict=True) if keep]
+    ids = present_categories(rows)
+    known = {category.id: category.isthing for category in _summary(side).categories}
+    things = np.array([known[number] for number in ids], bool)
+    values = family.values(total_sums(rows, ids), things)
+    samples = drawn_values(family, rows, ids, things, counts)
+    over = {"images": len(rows), "categories": len(ids)}
+    return {
+        name: Measure(
+            value=float(value),
+            samples=samples[name] if len(rows) > 1 and np.isfinite(value) else None,
+            over=over,
+            extra={},
+        )
+        for name, value in values.items()
+    }
+
+
+def _summary(side: StoredEvaluation) -> LabelMapSummary:
+    return cast("LabelMapSummary", side.summary)
+
+
+def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
+    ours, theirs = _summary(first).dataset_version, _summary(other).dataset_version
+    return [] if ours == theirs else [f"dataset version {ours} and {theirs}"]
+
+
+PANOPTIC: Final = _comparison(SEGMENTS)
+SEMANTIC: Final = _comparison(CLASSES)

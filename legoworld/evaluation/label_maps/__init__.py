@@ -1,0 +1,1 @@
+"""What families of label maps share: reading PNGs, sums of integers, intervals, verification."""

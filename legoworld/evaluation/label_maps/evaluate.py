@@ -1,0 +1,284 @@
+"""`legoworld evaluate` of label maps: writes an evaluation folder; and verification of one."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, cast
+
+import numpy as np
+
+from legoworld.cards import load_card
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.agreement import agreement
+from legoworld.evaluation.bootstrap import centred_interval, check_draws, resample_counts
+from legoworld.evaluation.checks import Check, find_input, refuse_unseen
+from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation
+from legoworld.evaluation.label_maps.errors import MapInvalidError, MapTruthError, MapUnseenError
+from legoworld.evaluation.label_maps.family import MapFamily, MapItem, MapTruth
+from legoworld.evaluation.label_maps.sums import drawn_values, present_categories, total_sums
+from legoworld.evaluation.prepare_inputs import prepared_inputs
+from legoworld.evaluation.run import Run, read_family_run, read_rows, run_view
+from legoworld.files import sha256_of_file
+from legoworld.pluralize import share
+from legoworld.records.base import as_json, number
+from legoworld.records.evaluation_summary import Coverage, Evaluator
+from legoworld.records.evidence import ScoreConfiguration
+from legoworld.records.folders.evaluation_folder import (
+    Evaluation,
+    installed_versions,
+    write_evaluation,
+)
+from legoworld.records.folders.read_run import ROWS, RUN
+from legoworld.records.label_maps import (
+    LabelMapEvidence,
+    LabelMapRow,
+    LabelMapSummary,
+    LabelMapView,
+    MapBootstrap,
+    MapCategory,
+)
+from legoworld.tracks.dataset_versions import dataset_version
+from legoworld.tracks.vocabulary import Vocabulary
+from legoworld.workers.tasks import map_items
+
+#: Images whose measuring takes as long as other processes take to start.
+_FEW: Final = 32
+#: Images that verification measures again, spread evenly.
+_AGAIN: Final = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Task:
+    """One image, and the sizes of its files as the command sees them."""
+
+    family: MapFamily
+    item: MapItem
+    sizes_bytes: dict[Path, int]
+
+
+def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSummary:
+    """Score a run and write the evaluation folder; return its summary.
+
+    Every error of ground truth, run or output is raised before anything is written, except of a
+    true PNG that is found damaged when its image is measured; an unusable answer is its row, and
+    counts as an answer that is all VOID.
+    """
+    run = read_family_run(request.run.absolute(), family.family, f"a run of {family.noun}")
+    card = load_card(run.task)
+    check_draws(request.draws, request.seed)
+    items, truth = _items(family, run, request.truth.absolute())
+    configuration = ScoreConfiguration(
+        task=run.task, card_sha256=card.sha256, draws=request.draws, seed=request.seed
+    )
+    answers = [("answer", item.path) for item in items if item.path and item.path.is_file()]
+    inputs = prepared_inputs(
+        request.output,
+        [("run", run.folder / RUN), ("run_rows", run.folder / ROWS), *answers, *truth.inputs],
+        configuration,
+        run=run.folder,
+        origins=request.origins,
+        overwrite=request.overwrite,
+    )
+    rows: list[LabelMapRow] = []
+    views: dict[str, Any] = {"run.json": run_view(run)}
+    pool = request.pool.for_work(worth_a_process=len(items) > _FEW)
+    tasks = [_task(family, item) for item in items]
+    for row, view in map_items(_measured, tasks, pool):
+        rows.append(row)
+        views[f"{row.image_id}.json"] = view
+        request.progress(row)
+    summary = summarise(family, rows, run, truth.vocabulary, configuration)
+    evidence = LabelMapEvidence(
+        versions=installed_versions("pillow"),
+        inputs=(),
+        files={},
+        task=summary.task,
+        evaluator=summary.evaluator,
+        coverage=summary.coverage,
+        configuration=configuration,
+        metrics=summary.metrics,
+    )
+    evaluation = Evaluation(
+        summary=summary, evidence=evidence, inputs=inputs, per_image=rows, view=views
+    )
+    write_evaluation(request.output, evaluation, overwrite=request.overwrite)
+    return summary
+
+
+def _items(family: MapFamily, run: Run, path: Path) -> tuple[list[MapItem], MapTruth]:
+    """What is measured of each image. MapTruthError where run and truth do not fit together."""
+    truth = family.find_truth(path, run, load_card(run.task))
+    rows = read_rows(run)
+    absent = [row for row in rows if row.image_id not in truth.images]
+    if absent:
+        raise MapTruthError(
+            f"{share(len(absent), len(rows), 'image', 'images')} of the run have no ground truth",
+            found=f"nothing for {absent[0].file_name}",
+            expected=f"every image of the track in {path.name}",
+            next_step="pass the truth the track was made from",
+        )
+    if truth.vocabulary.sha256 != run.configuration.vocabulary_sha256:
+        raise MapTruthError(
+            "run and truth have different categories",
+            found=f"{len(truth.vocabulary.categories)} categories in the truth, "
+            f"{truth.vocabulary.sha256[:12]}",
+            expected=f"the run's vocabulary, {str(run.configuration.vocabulary_sha256)[:12]}",
+            next_step="make the track from this truth with `legoworld track make` and run with it",
+        )
+    ids = tuple(c.id for c in truth.vocabulary.categories)
+    return [
+        MapItem(
+            row=row,
+            path=run.folder / row.answer.file if row.status == "ok" and row.answer else None,
+            truth=truth.images[row.image_id],
+            rules=truth.rules,
+            category_ids=ids,
+        )
+        for row in rows
+    ], truth
+
+
+def _task(family: MapFamily, item: MapItem) -> _Task:
+    paths = [item.path] if item.path and item.path.is_file() else []
+    return _Task(family=family, item=item, sizes_bytes={p: p.stat().st_size for p in paths})
+
+
+def _measured(task: _Task) -> tuple[LabelMapRow, LabelMapView]:
+    """An image's row and view; an answer that cannot be scored is measured as VOID."""
+    item, row = task.item, task.item.row
+    what = f"the {task.family.noun} of {row.file_name}"
+    refuse_unseen(task.sizes_bytes, what, MapUnseenError)
+    status, reason = row.status, row.reason
+    try:
+        _refuse_altered(item)
+        found = task.family.measure(item)
+    except MapInvalidError as error:
+        status, reason = error.status, str(error)
+        found = task.family.measure(replace(item, path=None))
+    made = LabelMapRow(
+        image_id=row.image_id,
+        file_name=row.file_name,
+        status=status,
+        reason=reason,
+        n_truth=found.n_truth,
+        counts={str(number): counts for number, counts in sorted(found.counts.items())},
+        matched=found.matched,
+    )
+    return made, found.view
+
+
+def _refuse_altered(item: MapItem) -> None:
+    """MapInvalidError for a PNG that is gone, or is not the one that the run wrote."""
+    if item.path is None or not item.row.answer:
+        return
+    expected = item.row.answer.sha256
+    if not item.path.is_file() or sha256_of_file(item.path) != expected:
+        raise MapInvalidError(
+            f"{item.row.answer.file} is not the file that the run wrote",
+            found="another sha256" if item.path.is_file() else "nothing",
+            expected=expected,
+            next_step="run its command again",
+        )
+
+
+def summarise(
+    family: MapFamily,
+    rows: Sequence[LabelMapRow],
+    run: Run,
+    vocabulary: Vocabulary,
+    configuration: ScoreConfiguration,
+) -> LabelMapSummary:
+    """summary.json of the rows of every attempted image, ascending id."""
+    known = {category.id: category for category in vocabulary.categories}
+    ids = present_categories(rows)
+    things = np.array([known[number].isthing for number in ids], bool)
+    sums = total_sums(rows, ids)
+    metrics = {name: number(float(v)) for name, v in family.values(sums, things).items()}
+    intervals = {}
+    if len(rows) > 1 and ids:
+        counts = resample_counts(len(rows), configuration.draws, configuration.seed)
+        for name, samples in drawn_values(family, rows, ids, things, counts).items():
+            value = metrics[name]
+            intervals[name] = centred_interval(
+                samples, np.nan if value is None else value, unit="image"
+            )
+    columns = family.of_category(sums)
+    card = load_card(run.task)
+    unanswered = [row for row in rows if not row.has_score]
+    return LabelMapSummary(
+        task=run.task,
+        kind=str(run.configuration.kind or None),
+        partial=run.partial,
+        evaluator=Evaluator(
+            name=card.value("scoring.evaluator"), version=card.value("scoring.evaluator_version")
+        ),
+        coverage=Coverage(
+            attempted=len(rows),
+            scored=sum(row.has_score for row in rows),
+            with_truth=sum(row.has_truth for row in rows),
+            by_status=dict(sorted(Counter(row.status for row in rows).items())),
+        ),
+        dataset_version=dataset_version(vocabulary, run.task),
+        metrics=metrics,
+        intervals=intervals,
+        bootstrap=MapBootstrap(draws=configuration.draws, seed=configuration.seed),
+        categories=tuple(
+            MapCategory(
+                id=n,
+                name=known[n].name,
+                isthing=known[n].isthing,
+                counts=(int(sums[k, 1]), int(sums[k, 2]), int(sums[k, 3])),
+                values={name: number(float(values[k])) for name, values in columns.items()},
+            )
+            for k, n in enumerate(ids)
+        ),
+        missed=sum(row.has_truth for row in unanswered),
+        not_answered=tuple(f"{r.status}: {r.file_name}: {r.reason}" for r in unanswered),
+    )
+
+
+def verify_maps(family: MapFamily, recorded: RecordedEvaluation) -> Iterator[Check]:
+    """The summary's numbers from the rows, and rows from run and truth where these are here."""
+    summary = cast("LabelMapSummary", recorded.summary)
+    rows = cast("Sequence[LabelMapRow]", recorded.rows)
+    ids = [category.id for category in summary.categories]
+    things = np.array([category.isthing for category in summary.categories], bool)
+    values = family.values(total_sums(rows, ids), things)
+    again = {name: number(float(value)) for name, value in values.items()}
+    yield agreement("metrics from the rows", again, summary.metrics)
+    evidence = cast("LabelMapEvidence", recorded.evidence)
+    yield agreement("metrics in the evidence", evidence.metrics, summary.metrics)
+    if not recorded.inputs_hold:
+        return
+    run_file, truth_file = (
+        next(
+            find_input(recorded.folder, entry.path, recorded.root)
+            for entry in evidence.inputs
+            if entry.role == role
+        )
+        for role in ("run", "truth")
+    )
+    assert run_file is not None
+    assert truth_file is not None
+    run = read_family_run(run_file.parent, family.family, f"a run of {family.noun}")
+    items = _items_again(family, run, truth_file)
+    stored = {row.image_id: as_json(row) for row in rows}
+    for item in items[:: max(1, math.ceil(len(items) / _AGAIN))]:
+        row, _ = _measured(_task(family, item))
+        yield agreement(f"row of image {row.image_id}", as_json(row), stored.get(row.image_id))
+
+
+def _items_again(family: MapFamily, run: Run, first: Path) -> list[MapItem]:
+    """The items by the first file of truth: it itself, or the closest folder that has them all."""
+    refusal: LegoWorldError | None = None
+    for place in (first, *first.parents):
+        try:
+            return _items(family, run, place)[0]
+        except LegoWorldError as error:
+            refusal = refusal or error
+    assert refusal is not None
+    raise refusal

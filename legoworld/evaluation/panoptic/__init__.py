@@ -1,0 +1,1 @@
+"""Panoptic segments: true positives by IoU, counted as panopticapi counts them."""

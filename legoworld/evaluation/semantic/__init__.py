@@ -1,0 +1,1 @@
+"""Semantic maps: one confusion matrix over all pixels of all images."""

@@ -1,0 +1,81 @@
+"""The confusion of an image's classes in integers, and mIoU and others of their sums."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.evaluation.label_maps.errors import MapInvalidError
+from legoworld.evaluation.label_maps.family import F64, MapItem, Measured
+from legoworld.evaluation.label_maps.png import check_size, read_values
+from legoworld.evaluation.label_maps.sums import mean_of, ratio
+from legoworld.evaluation.label_maps.view import label_map_view, shown
+from legoworld.evaluation.semantic.truth import load_classes
+from legoworld.readouts.label_maps import NO_CLASS
+from legoworld.readouts.map_pictures import agreement_picture, category_picture
+
+METRICS: Final = ("mIoU", "fwIoU", "mAcc", "aAcc")
+
+
+def measure_classes(item: MapItem) -> Measured:
+    """An image's pixels by class; without an answer no pixel has a class."""
+    truth = load_classes(item.truth, item.rules, item.category_ids)
+    answer = np.full_like(truth, NO_CLASS)
+    if item.path is not None:
+        answer = read_values(item.path, MapInvalidError)
+        check_size(item.path, answer, truth.shape, MapInvalidError)
+    ids = np.array(item.category_ids, np.int64)
+    table = confusion(truth, answer, ids)
+    columns = np.stack([np.diagonal(table), table.sum(axis=1), table.sum(axis=0)[:-1]], axis=1)
+    counts = {
+        number: (hit, true, answered)
+        for number, (hit, true, answered) in zip(ids.tolist(), columns.tolist(), strict=True)
+        if true or answered
+    }
+    small_truth, small = shown(truth), shown(answer)
+    scored = np.isin(small_truth, ids)
+    view = label_map_view(
+        truth.shape,
+        truth=category_picture(np.where(scored, small_truth, NO_CLASS)),
+        answer=category_picture(small),
+        agreement=agreement_picture(small_truth, small, scored),
+    )
+    n_truth = sum(counts[number][1] > 0 for number in counts)
+    return Measured(n_truth=n_truth, counts=counts, view=view)
+
+
+def confusion(
+    truth: NDArray[np.uint8], answer: NDArray[np.uint8], ids: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """(K, K + 1) pixels by class of truth and of answer; the last column is of no class.
+
+    Pixels whose truth has no class are left out.
+    """
+    none = len(ids)
+    place = np.full(256, none, np.int64)
+    place[ids] = np.arange(none)
+    code = place[truth].ravel() * (none + 1) + place[answer].ravel()
+    table = np.bincount(code, minlength=(none + 1) ** 2).reshape(none + 1, none + 1)
+    return table[:none]
+
+
+def semantic_values(sums: F64, _things: NDArray[np.bool_]) -> dict[str, F64]:
+    """The metrics of sums (..., K, 4): mean and frequency-weighted IoU, mean and pixel accuracy."""
+    hit, truth = sums[..., 1], sums[..., 2]
+    of = category_values(sums)
+    every = truth.sum(axis=-1)
+    weighted = np.where(truth > 0, truth * np.nan_to_num(of["IoU"]), 0.0)
+    return {
+        "mIoU": mean_of(of["IoU"], ~np.isnan(of["IoU"])),
+        "fwIoU": ratio(np.add.accumulate(weighted, axis=-1)[..., -1], every),
+        "mAcc": mean_of(of["Acc"], truth > 0),
+        "aAcc": ratio(hit.sum(axis=-1), every),
+    }
+
+
+def category_values(sums: F64) -> dict[str, F64]:
+    """IoU and accuracy of each class, NaN where its union, or its truth, has no pixel."""
+    hit, truth, answer = (sums[..., k] for k in (1, 2, 3))
+    return {"IoU": ratio(hit, truth + answer - hit), "Acc": ratio(hit, truth)}

@@ -1,0 +1,66 @@
+"""Pictures of label maps: a hue for each category, things of one category in several shades."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from legoworld.readouts.label_maps import NO_CLASS
+from legoworld.readouts.pictures import Rgb
+
+#: The golden ratio, and the two of the plane (Roberts, 2018).
+_STEPS: Final = (0.618034, 0.569840, 0.754878)
+_SHADES: Final = (1.0, 0.72, 0.86, 0.58)
+_VOID_RGB: Final = (0, 0, 0)
+_EDGE_RGB: Final = (255, 255, 255)
+_RIGHT_RGB: Final = (70, 130, 180)
+_WRONG_RGB: Final = (200, 60, 40)
+
+
+def segment_picture(place: NDArray[Any], category_ids: Sequence[int]) -> Rgb:
+    """Segments in their categories' hues, with white lines between them; VOID is black.
+
+    place: 0 for VOID, or 1 + the place of a segment's category in `category_ids`.
+    """
+    nth: dict[int, int] = {}
+    colors: list[tuple[int, int, int]] = [_VOID_RGB]
+    for number in category_ids:
+        turn = nth[number] = nth.get(number, -1) + 1
+        colors.append(category_color(number, _SHADES[turn % len(_SHADES)]))
+    picture: Rgb = np.array(colors, np.uint8)[place]
+    picture[_between(place)] = _EDGE_RGB
+    return picture
+
+
+def category_picture(categories: NDArray[Any]) -> Rgb:
+    """Each category in its hue; black where there is none."""
+    colors = [category_color(number) for number in range(256)]
+    colors[NO_CLASS] = _VOID_RGB
+    picture: Rgb = np.array(colors, np.uint8)[categories]
+    return picture
+
+
+def agreement_picture(truth: NDArray[Any], answer: NDArray[Any], counted: NDArray[np.bool_]) -> Rgb:
+    """Blue where two maps of categories agree, red where not, black where it does not count."""
+    colors = np.array([_VOID_RGB, _WRONG_RGB, _RIGHT_RGB], np.uint8)
+    picture: Rgb = colors[np.where(counted, np.where(truth == answer, 2, 1), 0)]
+    return picture
+
+
+def category_color(number: int, shade: float = 1.0) -> tuple[int, int, int]:
+    """A category's colour: neighbouring ids, and ids of one hue, differ in the other two parts."""
+    hue, saturation, value = (number * step % 1.0 for step in _STEPS)
+    r, g, b = colorsys.hsv_to_rgb(hue, 0.45 + 0.45 * saturation, (0.6 + 0.4 * value) * shade)
+    return round(r * 255), round(g * 255), round(b * 255)
+
+
+def _between(numbers: NDArray[Any]) -> NDArray[np.bool_]:
+    """Pixels whose right or lower neighbour is of another segment."""
+    edges = np.zeros(numbers.shape, bool)
+    edges[:, :-1] |= numbers[:, 1:] != numbers[:, :-1]
+    edges[:-1] |= numbers[1:] != numbers[:-1]
+    return edges

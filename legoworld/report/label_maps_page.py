@@ -1,0 +1,149 @@
+"""Label maps on a page: ground truth, answers and where they agree, photo by photo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, cast
+
+import numpy as np
+from msgspec.structs import replace
+
+from legoworld.evaluation.label_maps.family import MapFamily
+from legoworld.evaluation.label_maps.sums import present_categories, total_sums
+from legoworld.evaluation.label_maps.view import webp_of
+from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
+from legoworld.evaluation.semantic.family import MAPS as CLASSES
+from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.records.base import number
+from legoworld.records.label_maps import LabelMapRow, LabelMapSummary, LabelMapView
+from legoworld.records.report_page import (
+    Advice,
+    Answer,
+    LabelMapCell,
+    LabelMapPageView,
+    MapPictures,
+    PhotoRow,
+)
+from legoworld.records.report_tables import PageSection
+from legoworld.report.advice import failure_advice, sorted_advice
+from legoworld.report.facts import run_facts, run_tables
+from legoworld.report.family import PageFamily
+from legoworld.report.page_content import PageDocument, Photos
+from legoworld.report.photo_order import in_order
+from legoworld.report.sources import Section
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Page:
+    """A section that is filled."""
+
+    family: MapFamily
+    section: Section
+    document: PageDocument
+    places: Photos
+
+
+def _fill(
+    family: MapFamily, section: Section, made: PageSection, document: PageDocument, places: Photos
+) -> PageSection:
+    page = _Page(family=family, section=section, document=document, places=places)
+    places.read([(row.file_name, None) for row in section.sides[0].rows])
+    rows: list[tuple[float, PhotoRow]] = []
+    for of_sides in zip(*(side.rows for side in section.sides), strict=True):
+        image = cast("tuple[LabelMapRow, ...]", of_sides)
+        cells = tuple(map(partial(_cell, page), section.sides, image))
+        first = cells[0].quality
+        photo = PhotoRow(
+            id=image[0].image_id,
+            file_name=image[0].file_name,
+            view=len(document.views),
+            n_truth=image[0].n_truth,
+            cells=cells,
+            categories=tuple(present_categories(image)),
+        )
+        rows.append((-1.0 if first is None else first, photo))
+        document.views.append(_view(page, image))
+    names = {str(c.id): c.name for s in section.sides for c in _summary(s).categories}
+    return replace(made, images=in_order(rows), names=names)
+
+
+def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
+    sides = page.section.sides
+    photo, said = page.places.place(rows[0].file_name, None)
+    stored = [side.image_view(LabelMapView, rows[0].image_id) for side in sides]
+    views = [view for view in stored if view is not None]  # every image has one
+    return LabelMapPageView(
+        section=page.section.key,
+        id=rows[0].image_id,
+        file_name=rows[0].file_name,
+        size_wh=views[0].size_wh,
+        photo=photo,
+        said=said,
+        sides=tuple(map(partial(_answer, page), sides, rows)),
+        maps=MapPictures(
+            truth=_kept(page, views[0].truth),
+            answers=tuple(_kept(page, view.answer) for view in views),
+            agreements=tuple(_kept(page, view.agreement) for view in views),
+        ),
+    )
+
+
+def _kept(page: _Page, picture: str) -> int:
+    """The place of a picture among the page's."""
+    page.document.overlays.append(webp_of(picture))
+    return len(page.document.overlays) - 1
+
+
+def _answer(page: _Page, side: StoredEvaluation, row: LabelMapRow) -> Answer:
+    run_row, source = side.run_rows[row.image_id], side.source(row.image_id)
+    advice = failure_advice(run_row)
+    if not row.has_score and not advice:
+        advice.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
+    advice += [Advice(level="warn", what=str(text)) for text in sorted(run_row.warnings)]
+    values = _values(page.family, side, row)
+    return Answer(
+        label=side.name,
+        status=row.status,
+        facts=(
+            *run_facts(run_row, source),
+            *((name, "-" if value is None else f"{value:.4f}") for name, value in values.items()),
+        ),
+        tables=tuple(run_tables(run_row)),
+        advice=tuple(sorted_advice(advice)),
+        scene=page.document.scenes.page_scene(source, run_row) if side.is_scene else None,
+    )
+
+
+def _cell(page: _Page, side: StoredEvaluation, row: LabelMapRow) -> LabelMapCell:
+    sums = total_sums([row], present_categories([row]))[:, 1:].sum(axis=0).astype(int).tolist()
+    return LabelMapCell(
+        metric=page.family.metrics[0],
+        status=row.status,
+        advice=row.reason or "",
+        findings=int(not row.has_score),
+        quality=_values(page.family, side, row)[page.family.metrics[0]] if row.has_score else None,
+        counts=tuple(sums),
+    )
+
+
+def _values(family: MapFamily, side: StoredEvaluation, row: LabelMapRow) -> dict[str, float | None]:
+    """The metrics of one photo alone."""
+    ids = present_categories([row])
+    known = {category.id: category.isthing for category in _summary(side).categories}
+    things = np.array([known[number] for number in ids], bool)
+    found = family.values(total_sums([row], ids), things)
+    return {name: number(float(value)) for name, value in found.items()}
+
+
+def _summary(side: StoredEvaluation) -> LabelMapSummary:
+    return cast("LabelMapSummary", side.summary)
+
+
+def _page(family: MapFamily) -> PageFamily:
+    return PageFamily(forest={name: name for name in family.metrics}, fill=partial(_fill, family))
+
+
+PANOPTIC: Final = _page(SEGMENTS)
+SEMANTIC: Final = _page(CLASSES)

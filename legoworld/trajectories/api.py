@@ -1,0 +1,97 @@
+"""`trajectory_show`, `_score`, `_report` and `_pick`: what `import legoworld` offers of trials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from legoworld.api.arguments import check_arguments, optional_path
+from legoworld.api.listener import SILENT, Listener
+from legoworld.records.trajectory_scores import TrajectoryFile, TrajectoryScore
+from legoworld.trajectories.folder import RecordedTrial, read_trial, recorded_trials
+from legoworld.trajectories.page import find_score, read_scores, write_page
+from legoworld.trajectories.pick import By, Pick, PickPlan, pick
+from legoworld.trajectories.score_checkpoints import ScoringPlan, score_trajectories
+from legoworld.workers.protections import Confinement, protections
+from legoworld.workers.sandbox import SandboxLimits
+
+#: Of each Blender that exports or measures a checkpoint.
+_LIMITS: Final = SandboxLimits(time_s=600.0, memory_bytes=8 << 30)
+
+
+@check_arguments
+def trajectory_show(
+    scene: str | Path, *, scores: str | Path | None = None
+) -> tuple[RecordedTrial, TrajectoryScore | None]:
+    """A trial's calls and checkpoints, and its score in a folder of `trajectory_score`."""
+    trial = read_trial(Path(scene))
+    return trial, find_score(read_scores(optional_path(scores)), trial)
+
+
+@check_arguments
+def trajectory_score(
+    scene_folders: Sequence[str | Path],
+    output: str | Path,
+    *,
+    truth: str | Path,
+    workers: int = 1,
+    draws: int = 10_000,
+    seed: int = 0,
+    sandbox: Confinement = "auto",
+    listener: Listener = SILENT,
+) -> TrajectoryFile:
+    """Score every checkpoint of every trial below folders of scenes; repeat the call to resume.
+
+    truth: DATASET/private of the bench. workers: scenes read out at once. The result is private.
+    """
+    plan = ScoringPlan(
+        private=Path(truth),
+        output=Path(output),
+        limits=_LIMITS,
+        held=protections(sandbox),
+        workers=workers,
+        draws=draws,
+        seed=seed,
+        notice=listener.notice,
+    )
+    return score_trajectories([Path(folder) for folder in scene_folders], plan)
+
+
+@check_arguments
+def trajectory_report(
+    scenes: str | Path,
+    output: str | Path,
+    *,
+    photos: str | Path | None = None,
+    scores: str | Path | None = None,
+) -> list[RecordedTrial]:
+    """Write one HTML page to scrub through the trials below a folder; the trials."""
+    trials = recorded_trials(Path(scenes))
+    write_page(trials, Path(output), photos=optional_path(photos), scores=optional_path(scores))
+    return trials
+
+
+@check_arguments
+def trajectory_pick(
+    scenes: str | Path,
+    output: str | Path,
+    *,
+    by: By,
+    evidence: str | Path | None = None,
+    sandbox: Confinement = "auto",
+    listener: Listener = SILENT,
+) -> list[Pick]:
+    """Choose each trial's submission again among its checkpoints, by public signals alone.
+
+    by: "last", the open scene at the end, or "residuals", what the plugin measures against
+    evidence/<scene>. Each choice becomes a frozen scene folder below `output`.
+    """
+    plan = PickPlan(
+        by=by,
+        evidence=optional_path(evidence),
+        limits=_LIMITS,
+        held=protections(sandbox),
+        notice=listener.notice,
+    )
+    return pick(Path(scenes), Path(output), plan)

@@ -1,0 +1,109 @@
+"""Every command is a function of the same words, with the same options and defaults."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any, Final
+
+import click
+import pytest
+from checkout import CHECKOUT
+from commands.every_command import command_of, commands
+
+import legoworld
+from legoworld import cli
+from legoworld.bench.harbor import HarborOptions
+from legoworld.plugin.serve import serve_plugin
+
+#: Commands whose words are taken: a scene is opened once and viewed often, and `report` is a room.
+OTHER_NAMES: Final = {"inspect": "open_scene", "report": "write_report", "import": "import_usd"}
+#: Commands about this installation, and those that serve another program: no functions.
+NO_FUNCTION: Final = {
+    "demo", "doctor", "list", "agent list", "agent check", "agent install", "baseline install",
+    "plugin install", "plugin serve", "plugin hook", "blender serve", "blender mcp",
+}  # fmt: skip
+COMMANDS: Final = list(commands(cli.main))
+WITH_FUNCTION: Final = [words for words in COMMANDS if " ".join(words) not in NO_FUNCTION]
+
+#: What only a command takes: how it prints, and words that it reads before the function is called.
+OF_THE_COMMAND: Final = {"out", "as_json", "quiet", "verbose", "no_cache"}
+OF_ONE_COMMAND: Final = {
+    "baseline run": {"resume"},  # the default
+    "bench export": {"harbor"},  # the only form there is
+    "compare": {"joining"},  # legoworld.comparison has joined comparisons
+    # of a view
+    "inspect": {"scene", "size_wh", "photo", "task", "track", "compare_sources", "output"},
+    "trajectory pick": {"scores"},  # of what is printed
+    "plugin evidence": {"verbose"},
+}  # fmt: skip
+#: Parameters of functions that are other words, or files, on the command line.
+OTHER_WORDS: Final = {
+    "evaluate": {"truths": "truth"},
+    "track make": {"truths": "truth"},
+}
+#: Arguments that no command offers: they are about Python, or a command decides them.
+OF_PYTHON: Final = {
+    "folder", "listener", "started", "answer", "requests", "require_frozen", "program_or_scene",
+}  # fmt: skip
+
+
+NONE: Final = inspect.Parameter.empty
+
+
+def name_of(words: tuple[str, ...]) -> str:
+    return OTHER_NAMES.get(" ".join(words), "_".join(words))
+
+
+def arguments(function: Any) -> dict[str, Any]:
+    """The function's parameters with their defaults, those of an unpacked TypedDict, too."""
+    found = {}
+    for name, one in inspect.signature(function).parameters.items():
+        if one.kind is not inspect.Parameter.VAR_KEYWORD:
+            found[name] = one.default
+            continue
+        told = re.match(r"Unpack\[(\w+)\]", str(one.annotation))
+        kind = inspect.unwrap(function).__globals__[told[1]] if told else HarborOptions
+        found |= {key: getattr(kind, key, NONE) for key in kind.__annotations__}
+    return found
+
+
+def test_every_command_is_a_function_or_one_of_those_that_need_none():
+    assert {" ".join(words) for words in COMMANDS} >= NO_FUNCTION | set(OTHER_NAMES)
+    assert {name_of(words) for words in WITH_FUNCTION} <= set(legoworld.__all__)
+    assert all(callable(getattr(legoworld, name_of(words))) for words in WITH_FUNCTION)
+
+
+@pytest.mark.parametrize("words", WITH_FUNCTION, ids=" ".join)
+def test_every_option_is_an_argument_with_the_same_default(words):
+    name = " ".join(words)
+    function = getattr(legoworld, name_of(words))
+    taken = arguments(function)
+    own = OF_ONE_COMMAND.get(name, set()) | OF_THE_COMMAND
+    other = OTHER_WORDS.get(name, {})
+    offered = {str(p.name): p for p in command_of(words).params if p.name not in own | {"help"}}
+    assert {other.get(n, n) for n in offered} <= set(taken) | {"cache"}
+    missing = set(taken) - {other.get(n, n) for n in offered} - OF_PYTHON
+    assert missing == set()
+    context = click.Context(command_of(words))
+    for option, parameter in offered.items():
+        default = taken.get(other.get(option, option), NONE)
+        if default is NONE or "UNSET" in str(parameter.default) or option == "cache":
+            continue  # required, a TypedDict's, or of two options
+        offered_default = parameter.type_cast_value(context, parameter.default)
+        assert (offered_default or None) == (default or None) or str(offered_default) == default
+
+
+def test_the_page_names_every_function_and_every_command_without_one():
+    page = (CHECKOUT / "docs" / "python.md").read_text(encoding="utf-8")
+    for words in WITH_FUNCTION:
+        assert f"`{name_of(words)}" in page
+    for name in NO_FUNCTION:
+        assert f"`{name}`" in page
+
+
+def test_the_plugin_s_server_takes_what_its_command_offers():
+    """It serves until its input ends, and is no function of the API."""
+    taken = inspect.signature(serve_plugin).parameters
+    offered = {p.name for p in command_of(("plugin", "serve")).params}
+    assert offered - {"rounds", "rollbacks", "help"} == set(taken) - {"limits"}

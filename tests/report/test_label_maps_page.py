@@ -1,0 +1,57 @@
+"""The page of label maps: panes and cards in a browser, and the list without scripts."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from evaluation.panoptic.panoptic_files import call, scored, write_panoptic
+from report.chromium import browser
+
+PERSON, WALL = 1, 199
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """One evaluation of two images, of which one has no answer."""
+    folder = tmp_path_factory.mktemp("maps")
+    ids = np.repeat([[1, 1, 2], [1, 0, 2]], 20, axis=0)
+    pictures = {1: (ids, [(1, PERSON, 0), (2, WALL, 0)])}
+    pictures[2] = pictures[1]
+    truth = write_panoptic(folder / "truth.json", pictures)
+    answers = {1: (np.where(ids == 2, 2, 0), [(2, WALL, 0)])}
+    scored(folder, truth, write_panoptic(folder / "theirs.json", answers, truth=False), code=1)
+    call("report", folder / "eval", "-o", folder / "page.html")
+    return folder / "page.html"
+
+
+def test_a_photo_has_panes_of_truth_and_answer(page):
+    with browser() as chromium:
+        chromium.open(page, "#/coco-panoptic/1")
+        chromium.until("document.querySelectorAll('.pane').length === 3")
+        titles = chromium.js(
+            "[...document.querySelectorAll('.pane figcaption')].map(e => e.textContent)"
+        )
+        assert titles == ["ground truth", "theirs", "theirs: right and wrong"]
+        shown = "[...document.querySelectorAll('.pane image')].map(e => e.getAttribute('href'))"
+        assert all(url.startswith("data:image/webp") for url in chromium.js(shown))
+        assert "PQ of this photo 0.5000" in chromium.js(
+            "document.querySelector('#detail').innerText"
+        )
+        chromium.open(page, "#/coco-panoptic/2")
+        chromium.until("document.querySelector('#detail .flag') !== null")
+        assert chromium.js("document.querySelectorAll('.pane').length") == 3
+        chromium.open(page, "#/coco-panoptic?tab=photos")
+        chromium.until("document.querySelectorAll('[data-gallery] .mark').length === 2")
+        marks = chromium.js("[...document.querySelectorAll('.mark')].map(e => e.textContent)")
+        assert {"0.50 PQ", "missing"} <= set(marks)
+        assert chromium.said == []
+
+
+def test_the_list_and_the_tables_need_no_script(page):
+    text = page.read_text()
+    assert "The number on a card is PQ of the photo alone" in text
+    assert re.search(r"2\.jpg</th>.*?missing", text, re.S)
+    assert "AbsRel" not in re.sub(r"<script.*?</script>", "", text, flags=re.S)
+    assert "k-tp" not in re.sub(r"<(script|style).*?</\1>", "", text, flags=re.S)
