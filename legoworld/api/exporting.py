@@ -12,7 +12,15 @@ from legoworld.api.reader import Reader, Reading
 from legoworld.api.scenes import SceneView
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, Cache, make_limits
 from legoworld.errors import LegoWorldError, UsageError
-from legoworld.exports.formats import FORMAT_NAMES, FORMATS, Format, Written, find_format, writer
+from legoworld.exports.formats import (
+    DEFAULT_FORMAT,
+    FORMAT_NAMES,
+    FORMATS,
+    Format,
+    Written,
+    find_format,
+    writer,
+)
 from legoworld.exports.view import ExportedView
 from legoworld.files import Json, readable_json, write_text
 from legoworld.records.folders.read_run import RUN
@@ -50,7 +58,7 @@ def export(
     run_or_scenes: str | Path | Iterable[SceneView],
     output: str | Path,
     *,
-    format: str = "coco",  # noqa: A002  as the command calls it
+    format: str = DEFAULT_FORMAT,  # noqa: A002  as the command calls it
     task: str | None = None,
     track: str | Path | None = None,
     size_wh: tuple[int, int] | None = None,

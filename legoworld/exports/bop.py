@@ -38,7 +38,6 @@ _NO_BOX: Final = [-1, -1, -1, -1]
 _MM: Final = 1000.0
 
 Mask = NDArray[np.bool_]
-Entry = Mapping[str, Any]
 
 
 def write_views(views: Iterable[ExportedView], output: Path) -> Written:
@@ -61,7 +60,9 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
             values = (image.camera(), poses, infos)
             for table, value in zip(tables.values(), values, strict=True):
                 table[str(im_id)] = value
-            targets += _targets(scene_id, im_id, poses, infos)
+            objects = [pose["obj_id"] for pose in poses]
+            visible = [info["visib_fract"] for info in infos]
+            targets += _targets(scene_id, im_id, objects, visible)
             if not images:
                 write_text(output / "camera.json", readable_json(image.sensor()))
             images, annotations = images + 1, annotations + len(poses)
@@ -212,14 +213,12 @@ def _box(mask: Mask, corner: tuple[int, int]) -> list[int]:
 
 
 def _targets(
-    scene_id: int, im_id: int, poses: Sequence[Entry], infos: Sequence[Entry]
+    scene_id: int, im_id: int, objects: Sequence[int], visible: Sequence[float]
 ) -> list[dict[str, int]]:
-    visible = Counter(
-        pose["obj_id"]
-        for pose, info in zip(poses, infos, strict=True)
-        if info["visib_fract"] >= TARGET_VISIBILITY
+    counts = Counter(
+        obj_id for obj_id, share in zip(objects, visible, strict=True) if share >= TARGET_VISIBILITY
     )
     return [
         {"im_id": im_id, "inst_count": count, "obj_id": obj_id, "scene_id": scene_id}
-        for obj_id, count in sorted(visible.items())
+        for obj_id, count in sorted(counts.items())
     ]

@@ -52,6 +52,7 @@ FORMATS: Final = (
     Format(name="usd", views="legoworld.exports.usd:write_views"),
 )
 FORMAT_NAMES: Final = tuple(one.name for one in FORMATS)
+DEFAULT_FORMAT: Final = FORMAT_NAMES[0]
 
 
 def find_format(name: str) -> Format:
