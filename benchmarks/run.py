@@ -31,7 +31,7 @@ PACKAGES = ("legoworld", "bpy", "numpy", "scipy", "pycocotools", "lvis", "hotcoc
 #: What the kernels are timed beside, in the Python of --kernel-python.
 CONTENDERS = ("embreex", "open3d", "pykdtree")
 #: The tables that --kernel-python prints.
-KERNELS = ("kernel", "nearest")
+KERNELS = ("kernel", "nearest", "views")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +97,13 @@ TABLES = (
         program="scale/scale.py",
         quick="placements_10k near_plane_room",
         full="",
+    ),
+    Table(
+        title="Many views of one scene: masks, boxes and depth, against ray tracers and Cycles",
+        name="views",
+        program="labels/views.py",
+        quick="--scenes coffee,5k --views 1,50 --rounds 2 --cycles-python {python}",
+        full="--scenes coffee,motorcycle,5k,100k,1m --views 1,10,100,1000 --cycles-python {python}",
     ),
     Table(
         title="Boxes: scoring against the official evaluator",

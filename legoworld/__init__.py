@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from legoworld.api.bench import bench_serve as bench_serve
     from legoworld.api.bench import bench_table as bench_table
     from legoworld.api.by_task import ByTask as ByTask
+    from legoworld.api.cameras import orbit as orbit
+    from legoworld.api.cameras import read_cameras as read_cameras
     from legoworld.api.comparison import Comparison as Comparison
     from legoworld.api.comparison import compare as compare
     from legoworld.api.evaluation import Evaluation as Evaluation
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from legoworld.api.listener import Listener as Listener
     from legoworld.api.merging import merge as merge
     from legoworld.api.plugin_evidence import plugin_evidence as plugin_evidence
+    from legoworld.api.reader import Failed as Failed
+    from legoworld.api.reader import Ok as Ok
     from legoworld.api.reader import Reader as Reader
     from legoworld.api.reader import Reading as Reading
     from legoworld.api.readout import Run as Run
@@ -38,16 +42,20 @@ if TYPE_CHECKING:
     from legoworld.api.report_page import write_report as write_report
     from legoworld.api.scene_folders import execute as execute
     from legoworld.api.scene_folders import freeze as freeze
+    from legoworld.api.scene_view import SceneView as SceneView
     from legoworld.api.scenes import Scene as Scene
-    from legoworld.api.scenes import SceneView as SceneView
     from legoworld.api.scenes import open_scene as open_scene
-    from legoworld.api.score import score as score
+    from legoworld.api.score import score_photo as score_photo
+    from legoworld.api.scoring import Truth as Truth
+    from legoworld.api.scoring import score as score
     from legoworld.api.tracks import track_check as track_check
     from legoworld.api.tracks import track_make as track_make
     from legoworld.api.usd_import import import_usd as import_usd
+    from legoworld.api.views import Views as Views
     from legoworld.bench.reward import bench_reward as bench_reward
     from legoworld.endpoint.workspace_finalisation import blender_finalise as blender_finalise
     from legoworld.errors import LegoWorldError as LegoWorldError
+    from legoworld.evaluation.family import Scores as Scores
     from legoworld.evaluation.pose.score import PoseScores as PoseScores
     from legoworld.evaluation.pose.score import score_poses as score_poses
     from legoworld.plugin.ledger import plugin_replay as plugin_replay
@@ -55,6 +63,7 @@ if TYPE_CHECKING:
     from legoworld.trajectories.api import trajectory_report as trajectory_report
     from legoworld.trajectories.api import trajectory_score as trajectory_score
     from legoworld.trajectories.api import trajectory_show as trajectory_show
+    from legoworld.visibility.posed_camera import Camera as Camera
 
 #: Where the names are at home.
 _NAMES = {
@@ -63,6 +72,7 @@ _NAMES = {
     "legoworld.api.bench": "bench_export bench_judges bench_make bench_score bench_serve"
     " bench_table",
     "legoworld.api.by_task": "ByTask",
+    "legoworld.api.cameras": "orbit read_cameras",
     "legoworld.api.comparison": "Comparison compare",
     "legoworld.api.evaluation": "Evaluation evaluate",
     "legoworld.api.evidence": "evidence_verify",
@@ -70,21 +80,26 @@ _NAMES = {
     "legoworld.api.listener": "Listener",
     "legoworld.api.merging": "merge",
     "legoworld.api.plugin_evidence": "plugin_evidence",
-    "legoworld.api.reader": "Reader Reading",
+    "legoworld.api.reader": "Failed Ok Reader Reading",
     "legoworld.api.readout": "Run readout",
     "legoworld.api.report_page": "write_report",
     "legoworld.api.scene_folders": "execute freeze",
-    "legoworld.api.scenes": "Scene SceneView open_scene",
-    "legoworld.api.score": "score",
+    "legoworld.api.scene_view": "SceneView",
+    "legoworld.api.scenes": "Scene open_scene",
+    "legoworld.api.score": "score_photo",
+    "legoworld.api.scoring": "Truth score",
     "legoworld.api.tracks": "track_check track_make",
     "legoworld.api.usd_import": "import_usd",
+    "legoworld.api.views": "Views",
     "legoworld.bench.reward": "bench_reward",
     "legoworld.endpoint.workspace_finalisation": "blender_finalise",
     "legoworld.errors": "LegoWorldError",
+    "legoworld.evaluation.family": "Scores",
     "legoworld.evaluation.pose.score": "PoseScores score_poses",
     "legoworld.plugin.ledger": "plugin_replay",
     "legoworld.trajectories.api": "trajectory_pick trajectory_report trajectory_score"
     " trajectory_show",
+    "legoworld.visibility.posed_camera": "Camera",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

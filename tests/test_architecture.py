@@ -42,6 +42,7 @@ ROOMS = [
     ("scene",),
     ("endpoint", "solids"),
     ("visibility",),
+    ("camera_files",),
     ("readouts",),
     ("exports",),
     ("running",),
@@ -118,9 +119,10 @@ def test_the_page_lists_the_rooms_as_they_are():
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_only_the_blender_corner_imports_bpy_and_nothing_imports_torch(path):
+def test_only_the_blender_corner_imports_bpy_and_only_targets_torch(path):
     tops = {name.split(".")[0] for name in imported(path)}
-    assert "torch" not in tops
+    if path.relative_to(PACKAGE).as_posix() != "api/targets.py":  # where tensors are asked for
+        assert "torch" not in tops
     if "blender" not in path.relative_to(PACKAGE).parts:
         assert not tops & {"bpy", "mathutils", "bmesh"}
 
@@ -203,6 +205,7 @@ AT_HOME = {
     "cli.py": "the command of that name",
     "commands/export_command.py": "a file format",
     "exports/formats.py": "a file format",
+    "api/coco_export.py": "a file format",
     "report/page_file.py": "a key of the page",
     "commands/demo_command.py": "the tasks that the examples have ground truth for",
 }

@@ -68,7 +68,8 @@ ALLOWED: dict[str, dict[str, str]] = {
         "output.mkdir": OURS, "path.is_file": OURS, "path.read_bytes": OURS,
         "picture.read_bytes": OURS, "picture.write_bytes": OURS, "program.read_bytes": BEFORE,
         "sha256_of_file": OURS, "temporary.write_bytes": OURS, "workspace.mkdir": BEFORE,
-        "write_text": OURS,
+        "write_text": OURS, "output.is_dir": OURS, "output.parent.mkdir": OURS,
+        "made.is_file": OURS,
     },
 }  # fmt: skip
 

@@ -36,7 +36,8 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        for name, value in signature.bind(*args, **kwargs).arguments.items():
+        named = signature.bind(*args, **kwargs).arguments
+        for name, value in {**named, **named.get("given", {})}.items():
             if name in CHECKS:
                 check_argument(name, value)
         return function(*args, **kwargs)
@@ -95,6 +96,21 @@ def _check_positive(value: object) -> str | None:
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     fine = real and 0 < value < _LARGEST  # type: ignore[operator]
     return None if fine else "a finite number above 0"
+
+
+def _check_between(low: float, high: float) -> _Check:
+    def check(value: object) -> str | None:
+        real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+        fine = real and low < value < high  # type: ignore[operator]
+        return None if fine else f"a number between {low} and {high}"
+
+    return check
+
+
+def _check_clip(value: object) -> str | None:
+    expected = "(nearest, farthest), finite numbers above 0, in this order"
+    wrong = _check_pair(_check_positive, expected)(value)
+    return wrong or (None if value[0] < value[1] else expected)  # type: ignore[index]
 
 
 def _check_pair(check: _Check, expected: str) -> _Check:
@@ -184,6 +200,14 @@ CHECKS: Final[dict[str, _Check]] = {
     "image_ids": _check_each(_check_integer(0), "image ids"),
     "image_id": _check_integer(0),
     "instance_id": _check_integer(0),
+    "n": _check_integer(1),
+    "form": _one_of("torchvision", "hf"),
+    "arrays": _one_of("numpy", "torch"),
+    "radius": _check_positive,
+    "ortho_scale": _or_none(_check_positive),
+    "fov_deg": _or_none(_check_between(0, 180)),
+    "elevation_deg": _check_between(-90, 90),
+    "clip": _or_none(_check_clip),
     "fail_below": _check_each(_check_text, "METRIC=DELTA texts"),
     **dict.fromkeys(
         ("workers", "limit", "images_per_file", "max_side"), _or_none(_check_integer(1))

@@ -1,11 +1,15 @@
-"""A run as one complete COCO JSON: images, categories, predictions as annotations with a score."""
+"""Runs and views as complete COCO JSON: images, categories, and annotations with a score."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path, PurePath
+from typing import Any, Literal
 
+from legoworld.api.arguments import check_argument, check_arguments
+from legoworld.api.scene_view import SceneView
+from legoworld.api.settings import open_track
+from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
 from legoworld.evaluation.detection.inputs.masks import (
@@ -31,8 +35,7 @@ from legoworld.evaluation.run import (
     read_rows,
     read_run,
 )
-from legoworld.exports.formats import Written
-from legoworld.files import write_text
+from legoworld.files import refuse_existing, write_text
 from legoworld.records.base import UNSET, Record, canonical, readable
 from legoworld.records.coco_file import (
     CocoAnnotation,
@@ -47,14 +50,109 @@ from legoworld.shipped import catalog
 from legoworld.tasks.registry import family_tasks, find_family
 from legoworld.tasks.shipped import DETECTION
 from legoworld.tracks.dataset_versions import find_dataset
-from legoworld.tracks.track import load_track
+from legoworld.tracks.track import Track
 from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 
-def write_coco(
-    run_folder: Path, output: Path, *, track: Path | None, visible: bool = False
-) -> Written:
-    """Write a run of boxes or masks as COCO JSON for dataset tools.
+@check_arguments
+def export(
+    run_or_views: str | Path | Iterable[SceneView],
+    output: str | Path,
+    *,
+    format: Literal["coco", "kins"] = "coco",  # noqa: A002  as the command calls it
+    track: Track | str | Path | None = None,
+    overwrite: bool = False,
+) -> CocoFile:
+    """Write a dataset file for other tools; return the document.
+
+    run_or_views: a run's folder, whose predictions become annotations; or views of one task, which
+    are taken one by one: an image each, numbered from 1 and named by its camera, with the masks,
+    boxes and areas of its `labelled`. output: the file, or a folder that gets annotations.json.
+    format: kins adds the visible parts of amodal masks to a run's, in KINS's fields. track: source
+    of a run's category names if they are not the shipped dataset's. overwrite: replace the file.
+
+    Raises UsageError, RunUnusableError or PredictionsInvalidError; nothing is written then.
+    """
+    check_argument("folder", output)
+    if format not in ("coco", "kins"):
+        raise UsageError(f"unknown format {format!r}"[:100], expected="coco or kins")
+    file = Path(output)
+    if isinstance(run_or_views, str | Path):
+        visible = format == "kins"
+        folder = Path(run_or_views)
+        return export_coco(folder, file, visible=visible, track=track, overwrite=overwrite)
+    if file.suffix != ".json":
+        file.mkdir(parents=True, exist_ok=True)
+        file /= "annotations.json"
+    refuse_existing(file, overwrite=overwrite)
+    document = _document_of_views(run_or_views)
+    write_text(file, _readable(document))
+    return document
+
+
+def _document_of_views(views: Iterable[SceneView]) -> CocoFile:
+    images: list[CocoImage] = []
+    annotations: list[CocoAnnotation] = []
+    of: tuple[str | None, Vocabulary] | None = None
+    for image_id, view in enumerate(views, start=1):
+        vocabulary = view.vocabulary
+        if vocabulary is None or (of is not None and (view.task, vocabulary) != of):
+            raise UsageError(
+                "views are exported with the categories of one task",
+                found=f"a view {image_id} of {view.task or 'no task'}",
+                expected="views(task=...)",
+            )
+        of = view.task, vocabulary
+        (width, height), name = view.size_wh, view.camera.name
+        images.append(
+            CocoImage(
+                id=image_id,
+                file_name=name if PurePath(name).suffix else f"{name}.png",
+                width=width,
+                height=height,
+            )
+        )
+        for row, rle in zip(view.labelled, view.rles(), strict=True):
+            assert row.category_id is not None
+            annotations.append(
+                CocoAnnotation(
+                    id=len(annotations) + 1,
+                    image_id=image_id,
+                    category_id=row.category_id,
+                    bbox=row.bbox_xywh_px,
+                    area=float(row.area_px),
+                    segmentation=rle,
+                    iscrowd=0,
+                    score=EQUAL_CONFIDENCE,
+                    attributes=ObjectNames(name=row.name, objects=row.objects),
+                )
+            )
+        del view
+    if of is None:
+        raise UsageError("there is no view to export", expected="one or more")
+    task, vocabulary = of
+    return CocoFile(
+        info=CocoInfo(
+            description=f"legoworld views of {task or 'a track'}: instances as annotations",
+            task=task or "",
+            vocabulary_sha256=vocabulary.sha256,
+            images_without_result=(),
+        ),
+        images=tuple(images),
+        annotations=tuple(annotations),
+        categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
+    )
+
+
+def export_coco(
+    run_folder: Path,
+    output: Path,
+    *,
+    visible: bool,
+    track: Track | str | Path | None,
+    overwrite: bool,
+) -> CocoFile:
+    """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
 
     visible: with the visible parts of amodal masks, in KINS's fields. track: source of the
     category names if they are not the shipped dataset's; without it a scene's run gives the
@@ -62,6 +160,7 @@ def write_coco(
     of other masks, RunUnusableError or PredictionsInvalidError for a damaged run; nothing is
     written then.
     """
+    refuse_existing(output, overwrite=overwrite)
     source = read_run(run_folder)
     if find_family(source.task) != DETECTION:
         raise UsageError(
@@ -93,18 +192,13 @@ def write_coco(
         categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
     )
     write_text(output, _readable(document))
-    return Written(images=len(document.images), annotations=len(document.annotations))
+    return document
 
 
-def write_kins(run_folder: Path, output: Path, *, track: Path | None) -> Written:
-    """Write a run of amodal masks with their visible parts; raises as `write_coco` does."""
-    return write_coco(run_folder, output, track=track, visible=True)
-
-
-def vocabulary_of_run(run: Run, track: Path | None) -> Vocabulary:
+def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
     """The categories of the run: the track's, the shipped dataset's, or those of its own labels."""
     expected = run.configuration.vocabulary_sha256
-    vocabulary = load_track(track).vocabulary if track is not None else None
+    vocabulary = open_track(track).vocabulary if track is not None else None
     if vocabulary is None:
         vocabulary = load(catalog.folder("datasets") / find_dataset(run.task) / "categories.json")
     if vocabulary.sha256 == expected:

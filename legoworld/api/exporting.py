@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal, TypedDict, Unpack
+from typing import Final, Literal, TypedDict, Unpack, cast
 
 from legoworld.api.arguments import check_arguments
 from legoworld.api.reader import Reader, Reading
-from legoworld.api.scenes import SceneView
+from legoworld.api.scene_view import SceneView
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, Cache, make_limits
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.exports.formats import (
@@ -23,9 +23,11 @@ from legoworld.exports.formats import (
 )
 from legoworld.exports.view import ExportedView
 from legoworld.files import Json, readable_json, write_text
+from legoworld.records.coco_file import CocoFile
 from legoworld.records.folders.read_run import RUN
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, Source
+from legoworld.tracks.track import Track
 from legoworld.workers.removal import remove_folder
 from legoworld.workers.scratch import scratch_folder
 
@@ -60,12 +62,14 @@ def export(
     *,
     format: str = DEFAULT_FORMAT,  # noqa: A002  as the command calls it
     task: str | None = None,
-    track: str | Path | None = None,
+    track: Track | str | Path | None = None,
     size_wh: tuple[int, int] | None = None,
     overwrite: bool = False,
     **given: Unpack[ReaderOptions],
-) -> Written:
+) -> Written | CocoFile:
     """Write a run, what the cameras of scenes see, or views of one scene in a format of others.
+
+    Gives what was written; the document of the formats that are one COCO JSON.
 
     run_or_scenes: a run's folder; a scene folder, or a folder of them, written by name; or views,
     which are taken one by one. track: source of a run's category names if they are not the
@@ -79,11 +83,16 @@ def export(
     if format not in FORMAT_NAMES:
         raise UsageError(f"unknown format {format!r}"[:100], expected=", ".join(FORMAT_NAMES))
     row, of, place = find_format(format), _Scenes(), Path(output)
-    if not isinstance(run_or_scenes, str | Path):
+    source = Path(run_or_scenes) if isinstance(run_or_scenes, str | Path) else None
+    if row.document and (source is None or is_run(source)):
+        write = writer(row.document)
+        document = write(run_or_scenes, output, format=format, track=track, overwrite=overwrite)
+        return cast("CocoFile", document)
+    if source is None:
         write = _writer(row, "views", "views")
-        made = (_exported(view, VIEWS, None, Limits(), of) for view in run_or_scenes)
+        given_views = cast("Iterable[SceneView]", run_or_scenes)
+        made = (_exported(view, VIEWS, None, Limits(), of) for view in given_views)
         return _put(place, format, overwrite, lambda folder: write(made, folder), of)
-    source, track = Path(run_or_scenes), None if track is None else Path(track)
     if is_run(source):
         write = _writer(row, "run", f"the run {source.name}")
         return _put(place, format, overwrite, lambda path: write(source, path, track=track), of)
@@ -180,7 +189,7 @@ def _writer(row: Format, kind: Literal["run", "views"], found: str) -> Callable[
     name: str | None = getattr(row, kind)
     if name is not None:
         return writer(name)
-    others = ", ".join(one.name for one in FORMATS if getattr(one, kind) is not None)
+    others = ", ".join(one.name for one in FORMATS if getattr(one, kind) or one.document)
     wanted = {"run": "the scenes that it was read from", "views": "a run of `legoworld readout`"}
     raise UsageError(
         f"{row.name} is not written from such an input",

@@ -19,12 +19,12 @@ from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources
 from legoworld.running.image_record import ImageOptions
-from legoworld.running.inspection import look, open_scene, write_inspection
+from legoworld.running.inspection import label, look, open_scene, write_inspection
 from legoworld.running.readout_run import RunRequest
 from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import BLEND, Source, find_scene
+from legoworld.scene.folder import Source, scene_at, source_of
 from legoworld.scene.programs.execution import execute
 from legoworld.track_making.family import load_track_family as track_source
 from legoworld.track_making.make_track import make_track
@@ -88,8 +88,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> Ph
         say(f"running {scene.name}")
         scene = output / "scene"
         execution = execute(request.program_or_scene, scene, limits=request.limits, picture=False)
-    elif scene.name == BLEND:
-        scene = scene.parent
+    request = replace(request, source=source_of(scene, request.source))
     reading = protocol(request.task, track.vocabulary)
     say("reading the scene")
     row = _read(request, scene, track, reading, output / "run", say, trace)
@@ -193,19 +192,16 @@ def _read(
 def _look(request: PhotoRequest, scene: Path, reading: Protocol, folder: Path) -> None:
     """The outlines over the photo, from the snapshot that the readout cached."""
     height, width = read_photo(request.photo).shape[:2]
+    found, source = scene_at(scene, request.source)
     with BlenderProcess(request.limits) as blender:
         opened = open_scene(
-            find_scene(scene.resolve().parent, scene.resolve().name),
-            source=request.source,
+            found,
+            source=source,
             blender=blender,
             cache=request.cache,
         )
-    inspection = look(
-        opened,
-        size_wh=(width, height),
-        vocabulary=reading.vocabulary,
-        override_property=reading.override_property,
-    )
+    labelled = label(opened, reading.vocabulary, reading.override_property)
+    inspection = look(labelled, size_wh=(width, height))
     write_inspection(inspection, folder, request.photo)
 
 

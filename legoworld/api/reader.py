@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import queue
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
-from itertools import islice
+from functools import partial
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, Literal, Self
 
 from legoworld.api.arguments import check_argument, check_arguments
-from legoworld.api.scenes import Scene, SceneView
+from legoworld.api.cameras import AnyCamera
+from legoworld.api.scene_view import SceneView
+from legoworld.api.scenes import Scene
+from legoworld.api.scoring import Truth, score
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
@@ -22,13 +27,16 @@ from legoworld.api.settings import (
     snapshot_cache,
     tracks_by_task,
 )
+from legoworld.api.views import Views
 from legoworld.errors import LegoWorldError, Raised, UsageError
+from legoworld.evaluation.family import Scores
 from legoworld.readouts.protocol import Protocol
 from legoworld.running.error_boundary import classify_error
 from legoworld.running.inspection import open_scene
 from legoworld.running.scene_views import SceneViews
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.folder import Source, find_scene
+from legoworld.scene.folder import Source, scene_at
+from legoworld.tasks.shipped import TaskName
 from legoworld.visibility.library import library
 from legoworld.workers.processors import usable_cores
 
@@ -37,41 +45,59 @@ _AHEAD: Final = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
-    """The result of one scene. status: as in per_image.jsonl; "ok" has a view, others an error.
+class Ok:
+    """A scene that was read. scene: as it was passed.
 
-    scene: the folder as it was passed; views: of each task the reader was made for, by its name;
-    view: of the first, or of every label where the reader has no task.
+    view: of the first task, or of every label where the reader has no task; views: of each task
+    the reader was made for, by its name. image_id, scores: of a reader with a truth.
     """
 
     scene: Path
-    status: str
-    view: SceneView | None
-    error: LegoWorldError | None
+    view: SceneView
     views: Mapping[str, SceneView] = field(default_factory=dict)
+    image_id: int | None = None
+    scores: Scores | None = None
+    status: Literal["ok"] = "ok"
+    error: None = None
+    ok: Literal[True] = True
 
-    @property
-    def ok(self) -> bool:
-        """Whether the scene was read."""
-        return self.error is None
+
+@dataclass(frozen=True, kw_only=True)
+class Failed:
+    """A scene that could not be read. status: as in per_image.jsonl; error: why."""
+
+    scene: Path
+    status: str
+    error: LegoWorldError
+    image_id: int | None = None
+    view: None = None
+    scores: None = None
+    views: Mapping[str, SceneView] = field(default_factory=dict)
+    ok: Literal[False] = False
+
+
+#: The result of one scene; `if reading.ok` tells type checkers which.
+Reading = Ok | Failed
+#: What a worker does: a result, or further work of the scene that it opened.
+_Job = Callable[[], "Reading | Iterator[_Job]"]
 
 
 class Reader:
-    """Reads scene folders with Blender processes that stay warm between calls.
+    """Reads scenes with Blender processes that stay warm between calls.
 
         with legoworld.Reader(task="coco", workers=4) as reader:
             for reading in reader.read(folders):
                 ...
 
     A Blender process takes half a second to start and can read thousands of scenes, so keep one
-    reader for all scenes. Only one thread at a time may call `read`.
+    reader for all scenes. Only one thread, or coroutine, at a time may call a method.
     """
 
     @check_arguments
     def __init__(
         self,
         *,
-        task: str | list[str] | tuple[str, ...] | None = None,
+        task: TaskName | str | list[str] | tuple[str, ...] | None = None,
         track: Tracks = None,
         workers: int | None = None,
         source: Source = "blend",
@@ -106,33 +132,60 @@ class Reader:
     ) -> Iterator[Reading]:
         """Yield the result of each scene, in order of completion.
 
-        scenes: folders; taken from the iterable as workers become free, so it may be endless.
-        size_wh: width and height in pixels of every view; None uses the scene's own.
-        A scene's errors are part of its `Reading`; this machine's (a full disk) are raised.
+        scenes: folders, .blend or .glb files; taken from the iterable as workers become free, so it
+        may be endless. size_wh: width and height in pixels of every view; None uses the scene's
+        own. A scene's errors are part of its `Reading`; this machine's (a full disk) are raised.
         """
-        if self._pool is None:
-            raise UsageError("the reader is closed", next_step="create a new Reader")
         check_argument("size_wh", size_wh)
-        if isinstance(scenes, str | Path) or not isinstance(scenes, Iterable):
+        return self._results(self._read_job(path, size_wh) for path in _paths(scenes))
+
+    def score(self, scenes: Mapping[int, str | Path], truth: Truth) -> Iterator[Reading]:
+        """`read` the scene of each image of a ground truth, at the image's size, and score it.
+
+        scenes: by image id; `scores` of each result are those of its image alone. The views of a
+        task that the truth is not of are not scored. Raises UsageError for an unknown image.
+        """
+        sizes = truth.sizes_wh
+        unknown = [image_id for image_id in scenes if image_id not in sizes]
+        if unknown:
             raise UsageError(
-                "a reader reads several scenes", found=repr(scenes)[:100], expected="their folders"
+                "the truth has no such image",
+                found=repr(unknown[0])[:100],
+                expected=f"one of its {len(sizes)} images",
             )
-        pool, folders = self._pool, iter(scenes)
-        pending: set[Future[Reading]] = set()
+        return self._results(
+            self._read_job(_path(path), sizes[image_id], image_id, truth)
+            for image_id, path in scenes.items()
+        )
+
+    def map(
+        self,
+        scenes: Iterable[str | Path],
+        cameras: Sequence[AnyCamera],
+        *,
+        size_wh: tuple[int, int] | None = None,
+    ) -> Iterator[Reading]:
+        """Yield the result of each scene through each camera, in order of completion.
+
+        Scenes and cameras share one queue: workers draw views of a scene that is open while others
+        are opened. cameras: as in `Scene.views`, `view.camera.name` tells which; a scene without a
+        camera of that name is one failed `Reading`. The views are of the reader's first task.
+        """
+        check_argument("size_wh", size_wh)
+        return self._results(
+            partial(self._opened, path, cameras, size_wh) for path in _paths(scenes)
+        )
+
+    async def aread(
+        self, scenes: Iterable[str | Path], *, size_wh: tuple[int, int] | None = None
+    ) -> AsyncIterator[Reading]:
+        """`read` for asyncio: the event loop is free while scenes are read."""
+        readings = self.read(scenes, size_wh=size_wh)
         try:
-            while True:
-                free = _AHEAD * len(self._made) - len(pending)
-                pending |= {
-                    pool.submit(self._read, _folder(f), size_wh) for f in islice(folders, free)
-                }
-                if not pending:
-                    return
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                while done:  # drop the reference to a result once it is yielded
-                    yield done.pop().result()
+            while (reading := await asyncio.to_thread(next, readings, None)) is not None:
+                yield reading
         finally:
-            for future in pending:
-                future.cancel()
+            readings.close()  # type: ignore[attr-defined]
 
     def close(self) -> None:
         """End the Blender processes, even while they are reading."""
@@ -145,29 +198,96 @@ class Reader:
         for blender in self._made:
             blender.close()
 
-    def _read(self, folder: Path, size_wh: tuple[int, int] | None) -> Reading:
+    def _results(self, scenes: Iterator[_Job]) -> Iterator[Reading]:
+        """The results of jobs, a few at a time; views of open scenes come before new scenes."""
+        if self._pool is None:
+            raise UsageError("the reader is closed", next_step="create a new Reader")
+        return self._run(self._pool, scenes)
+
+    def _run(self, pool: ThreadPoolExecutor, scenes: Iterator[_Job]) -> Iterator[Reading]:
+        pending: set[Future[Reading | Iterator[_Job]]] = set()
+        open_scenes: deque[Iterator[_Job]] = deque()
+        try:
+            while True:
+                while len(pending) < _AHEAD * len(self._made):
+                    job = _next_job(open_scenes) or next(scenes, None)
+                    if job is None:
+                        break
+                    pending.add(pool.submit(job))
+                if not pending:
+                    return
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                while done:  # drop the reference to a result once it is yielded
+                    result = done.pop().result()
+                    if isinstance(result, Ok | Failed):
+                        yield result
+                    else:
+                        open_scenes.append(result)
+                    del result
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _read_job(
+        self,
+        scene: Path,
+        size_wh: tuple[int, int] | None,
+        image_id: int | None = None,
+        truth: Truth | None = None,
+    ) -> _Job:
+        def read() -> Reading:
+            try:
+                seen = self._views(self._open(scene), size_wh)
+                scores = None
+                if truth is not None and image_id is not None:
+                    of_truth = [view for view in seen if view.task == truth.task]
+                    scores = score(of_truth[0], truth, image_id=image_id) if of_truth else None
+            except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
+                return self._failed(scene, error, image_id)
+            named = {view.task: view for view in seen if view.task is not None}
+            return Ok(scene=scene, view=seen[0], views=named, image_id=image_id, scores=scores)
+
+        return read
+
+    def _opened(
+        self, path: Path, cameras: Sequence[AnyCamera], size_wh: tuple[int, int] | None
+    ) -> Reading | Iterator[_Job]:
+        """The jobs that draw a scene through cameras, once it is open."""
+        try:
+            scene = self._open(path)
+            views = scene.views_by(self._protocols[0], cameras, size_wh, workers=1)
+        except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
+            return self._failed(path, error)
+        return (partial(self._drawn, path, views, camera) for camera in range(len(views)))
+
+    def _drawn(self, path: Path, views: Views, camera: int) -> Reading:
+        try:
+            view = views[camera]
+        except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
+            return self._failed(path, error)
+        named = {view.task: view} if view.task is not None else {}
+        return Ok(scene=path, view=view, views=named)
+
+    def _open(self, scene: Path) -> Scene:
         blender = self._idle.get()
         try:
-            path = folder.resolve()
-            opened = open_scene(
-                find_scene(path.parent, path.name),
-                source=self._source,
-                blender=blender,
-                cache=self._cache,
-                require_frozen=self._require_frozen,
+            folder, source = scene_at(scene, self._source)
+            return Scene(
+                open_scene(
+                    folder,
+                    source=source,
+                    blender=blender,
+                    cache=self._cache,
+                    require_frozen=self._require_frozen,
+                    any_camera=True,
+                )
             )
-            seen = self._views(Scene(opened), size_wh)
-        except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
-            verdict = classify_error(error, [self._cache.folder] if self._cache else [])
-            return Reading(scene=folder, status=verdict.status, view=None, error=verdict)
         finally:
             self._idle.put(blender)
-        named = {
-            protocol.task.name: view
-            for protocol, view in zip(self._protocols, seen, strict=True)
-            if protocol is not None
-        }
-        return Reading(scene=folder, status="ok", view=seen[0], error=None, views=named)
+
+    def _failed(self, scene: Path, error: Exception, image_id: int | None = None) -> Failed:
+        verdict = classify_error(error, [self._cache.folder] if self._cache else [])
+        return Failed(scene=scene, status=verdict.status, error=verdict, image_id=image_id)
 
     def _views(self, scene: Scene, size_wh: tuple[int, int] | None) -> list[SceneView]:
         """The scene's view by each protocol; those of equal instances are drawn once."""
@@ -179,6 +299,15 @@ class Reader:
 
     def __exit__(self, *_error: Raised) -> None:
         self.close()
+
+
+def _next_job(open_scenes: deque[Iterator[_Job]]) -> _Job | None:
+    while open_scenes:
+        job = next(open_scenes[0], None)
+        if job is not None:
+            return job
+        open_scenes.popleft()
+    return None
 
 
 def _protocols(task: str | Sequence[str] | None, track: Tracks) -> list[Protocol | None]:
@@ -193,6 +322,14 @@ def _protocols(task: str | Sequence[str] | None, track: Tracks) -> list[Protocol
     return [load_protocol(one, tracks.get(one)) for one in tasks]
 
 
-def _folder(scene: str | Path) -> Path:
+def _paths(scenes: Iterable[str | Path]) -> Iterator[Path]:
+    if isinstance(scenes, str | Path) or not isinstance(scenes, Iterable):
+        raise UsageError(
+            "a reader reads several scenes", found=repr(scenes)[:100], expected="their paths"
+        )
+    return map(_path, scenes)
+
+
+def _path(scene: str | Path) -> Path:
     check_argument("folder", scene)
     return Path(scene)

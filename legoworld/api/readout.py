@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
@@ -35,8 +35,8 @@ from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, shard_images
 from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.folder import BLEND, GLB, Source
-from legoworld.tracks.track import Track, folders_without_scene, track_of_folder
+from legoworld.scene.folder import BLEND, GLB, Source, is_scene_file, source_of
+from legoworld.tracks.track import Track, TrackImage, folders_without_scene, track_of_folder
 from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
@@ -149,9 +149,9 @@ def readout(
 ) -> Run | ByTask[Run]:
     """Read labels out of scenes into a run folder; repeat the call to resume.
 
-    scenes, output: folders or their URLs. task: the name of one (`legoworld list tasks`), or
-    several: each scene is then read once for all of them, and output/<task> is the run of each,
-    byte for byte what its task alone gives. track: the images, of several tasks also a folder with
+    scenes, output: folders or their URLs; scenes may be one .blend or .glb. task: the name of one
+    (`legoworld list tasks`), or several: each scene is then read once for all of them, and
+    output/<task> is the run of each, byte for byte what its task alone gives. track: the images, of several tasks also a folder with
     a <task>.json of each or a mapping by task; without one every scene folder is an image. source:
     the file of each scene to read. workers: Blender processes, None for one per core. limit: read
     the first images only; image_ids: read these images only; shard: (i, n), read every n-th image
@@ -173,8 +173,15 @@ def readout(
     folders = {name: top if isinstance(task, str) else folder_of_task(top, name) for name in tasks}
     if not isinstance(task, str):
         refuse_result_at(top, CONFIGURATION, "the runs of several tasks")
-    every = track_of_folder(place) if track is None else track
+    lone = isinstance(place, Path) and is_scene_file(place)
+    if isinstance(place, Path):
+        source = source_of(place, source)
+    every = track
+    if every is None:
+        every = _track_of_file(Path(place)) if lone else track_of_folder(place)
     tracks = tracks_by_task(tasks, every)
+    if lone:
+        tracks = {name: _of_file(one) for name, one in tracks.items()}
     given = options_by_task(
         tasks,
         max_side=max_side,
@@ -245,6 +252,22 @@ def readout(
     return found[task] if isinstance(task, str) else ByTask(folder=top, results=found)
 
 
+def _track_of_file(scene: Path) -> Track:
+    image = TrackImage(id=1, file_name=scene.stem, size_wh=None, scene=".")
+    return Track(images=(image,), vocabulary=None, sha256=None, made_for=None)
+
+
+def _of_file(track: Track) -> Track:
+    """The track of one scene file. UsageError for a track of several images."""
+    if len(track.images) != 1:
+        raise UsageError(
+            "a scene file is one image",
+            found=f"a track of {len(track.images)} images",
+            expected="a folder of scenes, or a track of one image",
+        )
+    return replace(track, images=(replace(track.images[0], scene="."),))
+
+
 def _distinct(tasks: Sequence[str]) -> list[str]:
     """The tasks. UsageError for none, or one that is named twice."""
     if not tasks or len(set(tasks)) < len(tasks):
@@ -284,6 +307,7 @@ def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:
     if not isinstance(output, Path) or not isinstance(scenes, Path):
         return
     top, below = scenes.resolve(), output.resolve()
+    top = top.parent if top.is_file() else top
     around = [p for p in (below, *below.parents) if p.is_relative_to(top)]
     if any((p / name).is_file() for p in around for name in (BLEND, GLB)):
         raise UsageError(f"-o {output} is inside a scene folder; readout never writes there")

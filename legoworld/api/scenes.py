@@ -1,17 +1,23 @@
-"""One scene in a notebook or a program: open it, view it, draw it."""
+"""One scene in a notebook or a program: open it, and see it from anywhere."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from functools import cached_property
+import weakref
+from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypedDict
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
-import numpy as np
-from numpy.typing import NDArray
-
-from legoworld.api.arguments import check_argument, check_arguments
+from legoworld.api.arguments import check_arguments
+from legoworld.api.cameras import (
+    AnyCamera,
+    CameraOptions,
+    named_cameras,
+    posed_cameras,
+    read_cameras,
+)
+from legoworld.api.folders import parse_place, read_from
+from legoworld.api.scene_view import SceneView
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
     TIME_LIMIT_S,
@@ -20,35 +26,22 @@ from legoworld.api.settings import (
     make_limits,
     snapshot_cache,
 )
+from legoworld.api.views import Views
 from legoworld.errors import UsageError
-from legoworld.readouts import pictures
-from legoworld.readouts.amodal import AMODAL
-from legoworld.readouts.boxes3d import BOXES_3D, Box3d, Kind, box_lines_px, fit_boxes
-from legoworld.readouts.family import AnsweredImage
-from legoworld.readouts.label_maps import category_map, segment_map
-from legoworld.readouts.protocol import Protocol, load_readout_family
-from legoworld.records.base import as_json, canonical
-from legoworld.records.instances import InstanceRow
-from legoworld.running.inspection import Inspection, OpenScene, look, write_inspection
+from legoworld.readouts.protocol import Protocol
+from legoworld.running.inspection import LabelledScene, OpenScene, label, look
 from legoworld.running.inspection import open_scene as read_folder
 from legoworld.running.scene_views import SceneViews
-from legoworld.running.source_comparison import SourceComparison, compare_sources
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.folder import Source, find_scene
-from legoworld.scene.snapshot import RenderSettings, SceneCamera
-from legoworld.tables.table import Table
-from legoworld.tasks.registry import known_tasks
+from legoworld.scene.folder import Source, scene_at
+from legoworld.scene.snapshot import SceneCamera
+from legoworld.tasks.shipped import TaskName
 from legoworld.tracks.track import Track
-from legoworld.tracks.vocabulary import Category
-from legoworld.visibility.amodal import Amodal
-from legoworld.visibility.projection import Projection
+from legoworld.visibility.posed_camera import camera_of_scene
+from legoworld.workers.processors import usable_cores
 
 if TYPE_CHECKING:
     from legoworld.readouts.relation_kinds import FactBase
-
-Photo = str | Path | NDArray[np.uint8]
-#: Sides of the picture from above.
-_PLAN_PX: Final = 640
 
 
 class SceneOptions(TypedDict, total=False):
@@ -73,37 +66,45 @@ def open_scene(
     time_limit_s: float = TIME_LIMIT_S,
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
 ) -> Scene:
-    """Read a scene folder (with scene.blend or scene.glb) with Blender, or from the snapshot cache.
+    """Read a scene with Blender, or from the snapshot cache.
 
-    source: the file to read. cache: the snapshot cache folder, True for the user's own, False for
-    none. require_frozen: refuse a scene without frozen.json. allow_changed: accept a scene whose
-    files changed since it was frozen, with a warning. The limits apply to the Blender process.
+    folder: any .blend or .glb; or a scene folder (with scene.blend or scene.glb) or its URL.
+    source: the file of a folder to read. cache: the snapshot cache folder, True for the user's own,
+    False for none. require_frozen: refuse a scene without frozen.json. allow_changed: accept a
+    scene whose files changed since it was frozen, with a warning. The limits apply to the Blender
+    process.
 
     Raises a LegoWorldError if the scene cannot be read: SceneMissingError, SceneInvalidError (and
     its subclasses), SceneChangedError, WorkerTimeoutError, WorkerMemoryError, WorkerCrashedError.
     """
-    path = Path(folder).resolve()
-    with BlenderProcess(make_limits(time_limit_s, memory_limit_gib)) as blender:
-        opened = read_folder(
-            find_scene(path.parent, path.name),
-            source=source,
-            blender=blender,
-            cache=snapshot_cache(cache),
-            require_frozen=require_frozen,
-            allow_changed=allow_changed,
-        )
-    return Scene(opened)
+    with ExitStack() as fetched:
+        here = fetched.enter_context(read_from(parse_place(folder)))
+        found, own_source = scene_at(here, source)
+        with BlenderProcess(make_limits(time_limit_s, memory_limit_gib)) as blender:
+            scene = Scene(
+                read_folder(
+                    found,
+                    source=own_source,
+                    blender=blender,
+                    cache=snapshot_cache(cache),
+                    require_frozen=require_frozen,
+                    allow_changed=allow_changed,
+                    any_camera=True,
+                )
+            )
+        weakref.finalize(scene, fetched.pop_all().close)
+    return scene
 
 
 class Scene:
-    """A scene in memory: geometry, placements, label owners and the active camera."""
+    """A scene in memory: geometry, placements, label owners and cameras."""
 
     def __init__(self, opened: OpenScene) -> None:
         self._opened = opened
 
     @property
     def name(self) -> str:
-        """The folder's name."""
+        """The name of its folder or file."""
         return self._opened.folder.name
 
     @property
@@ -116,23 +117,95 @@ class Scene:
         """Hash of the snapshot: equal scenes have equal hashes."""
         return self._opened.scene.snapshot_sha256
 
+    @property
+    def cameras(self) -> dict[str, SceneCamera]:
+        """The cameras of the file by name, the active one first.
+
+        Without those that are panoramic, excluded from the view layer or hidden from rendering.
+        """
+        snapshot = self._opened.scene.snapshot
+        cameras = {camera.name: camera for camera in (snapshot.camera, *snapshot.cameras)}
+        if self._opened.no_camera:
+            del cameras[snapshot.camera.name]
+        return cameras
+
     @check_arguments
     def view(
         self,
         *,
-        task: str | None = None,
+        task: TaskName | str | None = None,
         track: Track | str | Path | None = None,
         size_wh: tuple[int, int] | None = None,
+        camera: AnyCamera | None = None,
     ) -> SceneView:
-        """The scene as seen by its active camera.
+        """The scene as seen by its active camera, or by another.
 
         task: the task whose vocabulary resolves the labels (such as "coco"); without
         a task and a track every label counts as written. track: a track whose vocabulary (and task,
         if it records one) is used. size_wh: width and height in pixels; None uses the scene's own.
+        camera: one of the file, by name, or a `Camera`, which has its own size.
 
-        Raises LabelsInvalidError for an unusable labels.json, UsageError for an unknown task.
+        Raises LabelsInvalidError for an unusable labels.json, UsageError for an unknown task,
+        NoCameraError for a scene without an active camera.
         """
-        return self.view_by(load_protocol(task, track), size_wh)
+        protocol = load_protocol(task, track)
+        if camera is not None:
+            return self.views_by(protocol, [camera], size_wh, workers=1)[0]
+        return self.view_by(protocol, size_wh)
+
+    @check_arguments
+    def views(
+        self,
+        cameras: str | Path | Iterable[AnyCamera] | None = None,
+        *,
+        task: TaskName | str | None = None,
+        track: Track | str | Path | None = None,
+        size_wh: tuple[int, int] | None = None,
+        workers: int | None = None,
+        **given: Unpack[CameraOptions],
+    ) -> Views:
+        """The scene as seen by many cameras; every view shares the geometry and the labels.
+
+        cameras: names of the file's cameras, `Camera`s (as of `orbit`), or a camera file (see
+        `read_cameras`); None with poses: cam_from_world or world_from_cam, (n, 4, 4) in OpenCV axes
+        and scene units. K: (3, 3) or (n, 3, 3), pixel centres at .5 (add .5 to the cx and cy of
+        OpenCV's calibration); or fov_deg, horizontal; or ortho_scale, scene units along the longer
+        side; without them the active camera's. clip: nearest and farthest z in scene units.
+        size_wh: of the poses and of the file's cameras, None for the scene's own. task, track: as
+        in `view`. workers: threads, None for one per core.
+
+        Raises as `view` does, and UsageError for what is no camera.
+        """
+        posed = {name: value for name, value in given.items() if value is not None}
+        if (cameras is None) == (not posed):
+            raise UsageError(
+                "views need cameras, or poses, and not both",
+                found=", ".join(posed) or "neither",
+                expected="cameras=[...], or cam_from_world or world_from_cam",
+            )
+        if cameras is None:
+            snapshot = self._opened.scene.snapshot
+            width, height = size_wh or self.size_wh
+            size = int(width), int(height)
+            if self._opened.no_camera and len(posed.keys() & {"K", "fov_deg", "ortho_scale"}) == 0:
+                raise self._opened.no_camera
+            own = camera_of_scene(snapshot.camera, snapshot.render, size)
+            cameras = posed_cameras(size, own, **given)
+        elif isinstance(cameras, str | Path):
+            cameras = read_cameras(cameras)
+        return self.views_by(load_protocol(task, track), cameras, size_wh, workers)
+
+    def views_by(
+        self,
+        protocol: Protocol | None,
+        cameras: Iterable[AnyCamera],
+        size_wh: tuple[int, int] | None,
+        workers: int | None = None,
+    ) -> Views:
+        """`views` through cameras, with a protocol already loaded."""
+        render = self._opened.scene.snapshot.render
+        made = named_cameras(cameras, self.cameras, render, size_wh)
+        return Views(self._labelled(protocol), protocol, made, workers or usable_cores())
 
     def view_by(
         self,
@@ -145,383 +218,23 @@ class Scene:
 
         threads: of the kernel, None for all cores; views: what was drawn of this scene already.
         """
-        inspection = look(
-            self._opened,
-            size_wh=size_wh,
-            vocabulary=protocol.vocabulary if protocol else None,
-            override_property=protocol.override_property if protocol else None,
-            threads=threads,
-            views=views,
-        )
+        if self._opened.no_camera:
+            raise self._opened.no_camera
+        inspection = look(self._labelled(protocol), size_wh=size_wh, threads=threads, views=views)
         return SceneView(inspection, protocol)
 
     def facts(self) -> FactBase:
         """The relations of the scene's own view, every label as written; see `relations`."""
         return self.view().relations()
 
+    def _labelled(self, protocol: Protocol | None) -> LabelledScene:
+        return label(
+            self._opened,
+            protocol.vocabulary if protocol else None,
+            protocol.override_property if protocol else None,
+        )
+
     def __repr__(self) -> str:
         width, height = self.size_wh
         triangles = self._opened.scene.snapshot.n_triangles
         return f"<Scene {self.name!r}: {triangles:,} triangles, {width}x{height}>"
-
-
-class SceneView:
-    """One view of a scene: instance and depth per pixel, and all instances.
-
-    instances: every instance of the scene, visible or not, by id.
-    """
-
-    def __init__(self, inspection: Inspection, protocol: Protocol | None) -> None:
-        self._inspection = inspection
-        self._protocol = protocol
-        self.instances: tuple[InstanceRow, ...] = inspection.entries
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self._inspection.view.size_wh
-
-    @property
-    def instance(self) -> NDArray[np.int32]:
-        """(H, W) int32: the id of the instance at each pixel, -1 where nothing is hit."""
-        return self._inspection.view.buffers.instance
-
-    @property
-    def depth_z_m(self) -> NDArray[np.float32]:
-        """(H, W) float32: planar depth in metres along the optical axis, +inf for no hit."""
-        return self._inspection.view.buffers.depth_z_m
-
-    @check_arguments
-    def normals(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32: unit normals of the triangles shown, NaN for no hit.
-
-        In the OpenCV camera frame (x right, y down, z forward) and towards the camera: a frontal
-        wall has (0, 0, -1). Each call draws them.
-        """
-        return self._inspection.view.normals().normal_cam
-
-    @property
-    def projection(self) -> Projection:
-        """The camera's intrinsics in pixels, pixel centres at .5; see `Projection`."""
-        return self._inspection.view.projection
-
-    @property
-    def camera(self) -> SceneCamera:
-        """The active camera: its name, pose and lens."""
-        return self._inspection.scene.snapshot.camera
-
-    @property
-    def render(self) -> RenderSettings:
-        """The scene's render settings: size, pixel aspect, unit scale, frame."""
-        return self._inspection.scene.snapshot.render
-
-    @property
-    def n_triangles(self) -> int:
-        """Number of triangles in the scene's meshes, each mesh counted once for all placements."""
-        return self._inspection.scene.snapshot.n_triangles
-
-    @property
-    def outside_vocabulary(self) -> dict[str, int]:
-        """Labels outside the vocabulary, and the number of instances with each."""
-        return self._inspection.outside_vocabulary
-
-    @property
-    def nearest(self) -> dict[str, list[str]]:
-        """The most similar category names for each label outside the vocabulary."""
-        return self._inspection.nearest
-
-    @property
-    def not_rendered(self) -> tuple[tuple[str, str], ...]:
-        """Name and label of labelled objects and collections without a surface that renders."""
-        return self._inspection.not_rendered
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Caveats about this view, as sentences."""
-        notes = self._protocol.readout.notes if self._protocol else None
-        return (*self._inspection.warnings, *(notes(self._answered()) if notes else ()))
-
-    @property
-    def labelled(self) -> tuple[InstanceRow, ...]:
-        """The instances with a category and at least one visible pixel: those a task exports."""
-        return tuple(i for i in self.instances if i.labelled and i.area_px)
-
-    @check_arguments
-    def mask(self, instance_id: int) -> NDArray[np.bool_]:
-        """(H, W) bool: the visible pixels of an instance. UsageError for an unknown id."""
-        if not 0 <= instance_id < len(self.instances):
-            raise UsageError(
-                "the scene has no such instance",
-                found=repr(instance_id),
-                expected=f"an id of 0 to {len(self.instances) - 1}",
-            )
-        return np.asarray(self.instance == instance_id)
-
-    def masks(self) -> NDArray[np.bool_]:
-        """(N, H, W) bool: the visible masks of `labelled`, in that order; they are disjoint."""
-        ids = np.array([i.id for i in self.labelled], np.int32)
-        return np.asarray(self.instance[None] == ids[:, None, None])
-
-    def boxes_xywh_px(self) -> NDArray[np.int64]:
-        """(N, 4) int64: x, y, width, height of the masks of `labelled`, at pixel edges."""
-        return np.array([i.bbox_xywh_px for i in self.labelled], np.int64).reshape(-1, 4)
-
-    @cached_property
-    def amodal(self) -> Amodal:
-        """Every instance of this view as if it were alone; drawn at the first question.
-
-        Its `direct_occluders`, `order` (layers and cycles) and `silhouettes` are of all instances,
-        by id.
-        """
-        return self._inspection.view.amodal()
-
-    def amodal_masks(self) -> NDArray[np.bool_]:
-        """(N, H, W) bool: what the picture would show of each of `labelled` if it stood alone.
-
-        Inside the frame; each contains its mask of `masks()`, and they may overlap. LegoWorldError
-        where they are too large together.
-        """
-        return self.amodal.layers.masks([i.id for i in self.labelled])
-
-    def visible_of_in_frame(self) -> NDArray[np.float64]:
-        """(N,) float64 in (0, 1]: the share of each amodal mask that is visible, in that order."""
-        return self._fractions("visible_of_in_frame")
-
-    def in_frame_of_whole(self) -> NDArray[np.float64]:
-        """(N,) float64: the share of each whole silhouette, on an infinite picture, in the frame.
-
-        NaN where the instance crosses the near plane, or its silhouette is too large to be drawn.
-        """
-        return self._fractions("in_frame_of_whole")
-
-    def visible_of_whole(self) -> NDArray[np.float64]:
-        """(N,) float64: the product of the two, NaN where the second is."""
-        return self._fractions("visible_of_whole")
-
-    @check_arguments
-    def boxes3d(self, *, kind: Kind = "gravity") -> list[Box3d]:
-        """The box in space around all of each of `labelled`, in that order.
-
-        In the camera frame (x right, y down, z forward), metres. kind: "gravity" is upright and
-        turned so that its footprint is smallest, "object" along the axes of the instance's first
-        surface, "world" along the scene's axes.
-        """
-        return fit_boxes(self._inspection.view, [i.id for i in self.labelled], kind)
-
-    @check_arguments
-    def save_bop(self, folder: str | Path) -> None:
-        """Write the instances with a label as a BOP dataset of one image; see `score_poses`.
-
-        As `legoworld export --format bop` does, into a new folder. UsageError where it exists.
-        """
-        from legoworld.api.exporting import export
-
-        export([self], folder, format="bop")
-
-    @property
-    def in_space(self) -> bool:
-        """Whether the view's task is about boxes in space."""
-        return self._protocol is not None and self._protocol.card.reads == BOXES_3D
-
-    def _fractions(self, name: str) -> NDArray[np.float64]:
-        made = self.amodal.silhouettes([i.id for i in self.labelled])
-        return np.array([getattr(one, name) for one in made], np.float64)
-
-    def occluders(self) -> dict[int, dict[int, int]]:
-        """Who hides whom: of each instance id the ids that the picture shows instead, with pixels.
-
-        Unlabelled instances are among them, and a holdout is -2. The pixels of one instance sum to
-        its amodal area less its visible one.
-        """
-        return self.amodal.occluders.by_hidden()
-
-    @check_arguments
-    def panoptic(self, *, sky: str | None = None) -> tuple[NDArray[np.int32], list[dict[str, Any]]]:
-        """(H, W) int32 segment ids, 0 for VOID, and `segments_info` of panopticapi.
-
-        Each visible thing is a segment, and each stuff category one; without stuff in the task's
-        vocabulary there are things alone. sky: the category of pixels without a hit, None for VOID.
-        Raises UsageError for a view without a task's vocabulary, or for an unknown category.
-        """
-        image = self._categorised(sky)
-        made = segment_map(image.view, image.instances, image.sky)
-        return made.ids, json.loads(canonical(made.segments))
-
-    @check_arguments
-    def semantic(self, *, sky: str | None = None) -> NDArray[np.uint8]:
-        """(H, W) uint8: the category id of what each pixel shows, 255 for none.
-
-        Where the task's vocabulary has a category `background`, all that is of no other one is of
-        it. sky, errors: as in `panoptic`.
-        """
-        image = self._categorised(sky)
-        assert image.vocabulary is not None
-        return category_map(image.view, image.instances, image.vocabulary, image.sky)
-
-    def _categorised(self, sky: str | None) -> AnsweredImage:
-        """The view as a readout takes it. UsageError without a task that has a vocabulary."""
-        protocol = self._protocol
-        if protocol is None or protocol.vocabulary is None:
-            labelled = [task.name for task in known_tasks() if task.family.labelled]
-            raise UsageError(
-                "only a view of a task with a vocabulary has categories",
-                found=f"task {protocol.task.name}" if protocol else "a view without a task",
-                expected=f"view(task=...) of {', '.join(labelled)}",
-            )
-        return self._answered(sky=protocol.category(sky, "sky") if sky is not None else None)
-
-    @check_arguments
-    def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
-        """The task's export of this view: COCO or LVIS results of one image.
-
-        Raises UsageError without a task, and for depth, which is `depth_z_m`.
-        """
-        protocol = self._protocol
-        exporter = protocol.readout.exports if protocol else None
-        if protocol is None or exporter is None:
-            labelled = [task.name for task in known_tasks() if load_readout_family(task).exports]
-            raise UsageError(
-                "only a view of a task with boxes or masks has predictions",
-                found=f"task {protocol.task.name}" if protocol else "a view without a task",
-                expected=f"view(task=...) of {', '.join(labelled)}",
-            )
-        exports = exporter(protocol.card.reads, self._answered(image_id=image_id))
-        entries: list[dict[str, Any]] = json.loads(
-            canonical([prediction for prediction, _ in exports])
-        )
-        return entries
-
-    def _answered(self, image_id: int = 1, sky: Category | None = None) -> AnsweredImage:
-        return AnsweredImage(
-            image_id=image_id,
-            name=str(image_id),
-            run=Path(),
-            instances=self._inspection.grouping.instances,
-            view=self._inspection.view,
-            vocabulary=self._protocol.vocabulary if self._protocol else None,
-            sky=sky,
-        )
-
-    @property
-    def task_table(self) -> Table | None:
-        """What the task says of this view in a table; None for a task that says nothing so."""
-        if self._protocol is None or self._protocol.readout.table is None:
-            return None
-        return self._protocol.readout.table(self._protocol.card.reads, self._answered())
-
-    def relations(self) -> FactBase:
-        """What holds between the labelled and visible instances, each with a signed margin.
-
-        At most the 100 largest; `facts.left_out` counts the others. `rows()` lists every relation
-        of every pair: `pandas.DataFrame(view.relations().rows())`.
-        """
-        from legoworld.readouts.relation_facts import relation_facts
-        from legoworld.readouts.relation_kinds import FactBase
-
-        inspection = self._inspection
-        return FactBase(relation_facts(inspection.view, inspection.grouping.instances))
-
-    @check_arguments
-    def overlay(self, photo: Photo | None = None) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB: outlines, boxes and names over a photo of the same size.
-
-        photo: a file or an (H, W, 3) uint8 RGB array; without one each instance has its own colour.
-        Raises UsageError for a photo of a different size.
-        """
-        ground = self._ground(photo)
-        if ground.shape != (*self.instance.shape, 3):
-            raise UsageError(
-                "the photo and the view have different sizes",
-                found="x".join(map(str, ground.shape[1::-1])),
-                expected="x".join(map(str, self.size_wh)),
-                next_step="pass its width and height to view(size_wh=...)",
-            )
-        return pictures.overlay(ground, self.instance, self.instances)
-
-    def _ground(self, photo: Photo | None) -> NDArray[np.uint8]:
-        if photo is None:
-            return pictures.instance_picture(self.instance)
-        return photo if isinstance(photo, np.ndarray) else pictures.read_photo(Path(photo))
-
-    def depth_picture(self) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB: colour-coded inverse depth; near is red, no hit dark grey."""
-        return pictures.depth_picture(self.depth_z_m)
-
-    @cached_property
-    def table(self) -> list[dict[str, Any]]:
-        """One row of plain values per instance: `pandas.DataFrame(view.table)`."""
-        rows = []
-        for instance in self.instances:
-            x, y, w, h = instance.bbox_xywh_px
-            row = as_json(instance) | {"objects": ", ".join(instance.objects)}
-            del row["bbox_xywh_px"]
-            rows.append(row | {"x_px": x, "y_px": y, "width_px": w, "height_px": h})
-        return rows
-
-    def to_dict(self) -> dict[str, Any]:
-        """The document that `legoworld inspect --json` prints."""
-        return {
-            "instances": as_json(self.instances),
-            "size_wh": list(self.size_wh),
-            "warnings": list(self.warnings),
-            "outside_vocabulary": self.outside_vocabulary,
-            "nearest": self.nearest,
-            "not_rendered": [list(owner) for owner in self.not_rendered],
-            "snapshot_sha256": self._inspection.scene.snapshot_sha256,
-            **self._task_rows(),
-        }
-
-    def _task_rows(self) -> dict[str, Any]:
-        table = self.task_table
-        return {} if table is None else {"table": [list(map(str, row)) for row in table.rows]}
-
-    @check_arguments
-    def save(self, folder: str | Path, photo: str | Path | None = None) -> None:
-        """Write buffers.npz, instances.json, overlay.png (over the photo) and depth.png.
-
-        Of a task of amodal masks also amodal.png, of label maps answer.png, of boxes in space
-        boxes3d.png (over the photo) and plan.png (from above). Raises LegoWorldError for a photo of
-        a different size.
-        """
-        if photo is not None:
-            check_argument("folder", photo)
-        write_inspection(self._inspection, Path(folder), None if photo is None else Path(photo))
-        if self._protocol is not None and self._protocol.card.reads == AMODAL:
-            ids = [i.id for i in self.instances if i.labelled and self.amodal.in_frame_px[i.id]]
-            pairs = zip(self.amodal.layers.masks(ids), map(self.mask, ids), strict=True)
-            picture = pictures.amodal_overlay(
-                self._ground(photo), dict(zip(ids, pairs, strict=True))
-            )
-            pictures.write_png(Path(folder) / "amodal.png", picture)
-        if self.in_space:
-            boxes, view = self.boxes3d(), self._inspection.view
-            lines = {b.instance_id: box_lines_px(b, view) for b in boxes}
-            picture = pictures.boxes_overlay(self._ground(photo), lines)
-            pictures.write_png(Path(folder) / "boxes3d.png", picture)
-            plan = pictures.plan_picture({b.instance_id: b.corners_m for b in boxes}, _PLAN_PX)
-            pictures.write_png(Path(folder) / "plan.png", plan)
-        drawn = self._protocol.readout.picture if self._protocol else None
-        if drawn is not None:
-            pictures.write_png(Path(folder) / "answer.png", drawn(self._answered()))
-
-    def compared_with(self, other: SceneView) -> SourceComparison:
-        """The disagreements between this view (of scene.blend) and another (of scene.glb)."""
-        return compare_sources(self._inspection, other._inspection)
-
-    def __iter__(self) -> Iterator[InstanceRow]:
-        """The instances, by id."""
-        return iter(self.instances)
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows: the overlay, and what is in the picture."""
-        from legoworld.report.notebook import instances_text, picture_html
-
-        seen = [i for i in self.instances if i.area_px]
-        return picture_html(self.overlay(), f"{self!r}: {instances_text(seen)}")
-
-    def __repr__(self) -> str:
-        width, height = self.size_wh
-        return (
-            f"<SceneView {width}x{height}: {len(self.instances)} instances, "
-            f"{len(self.labelled)} labelled and visible>"
-        )

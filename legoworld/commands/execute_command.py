@@ -12,7 +12,7 @@ from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output
-from legoworld.commands.param_types import EXISTING_FILE
+from legoworld.commands.param_types import EXISTING_FILE, WRITTEN
 
 if TYPE_CHECKING:
     from legoworld.records.execution import ExecutionFile
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.command("execute")
 @click.argument("program", type=EXISTING_FILE)
-@option("--output", "Scene folder to write.")
+@option("--output", "Scene folder to write, or a .blend or .glb to write alone.", WRITTEN)
 @off("--no-picture picture", "Do not render final.png.")
 @option("--input", "File or folder the program may read; repeatable.")
 @option("--sandbox")
@@ -42,6 +42,7 @@ def command(program: Path, output: Path, out: Output, **given: Any) -> int:
     Examples:
       legoworld execute scene.py -o scenes/000000000139
       legoworld execute scene.py -o scenes/coffee --time-limit 600
+      legoworld execute scene.py -o kitchen.blend
       legoworld execute scene.py -o scenes/room --input textures --sandbox bubblewrap
     """
     from legoworld.api.scene_folders import execute

@@ -12,7 +12,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, Choice, TaskChoice
-from legoworld.exports.formats import FORMAT_NAMES, find_format
+from legoworld.exports.formats import FORMAT_NAMES, Written, find_format
 from legoworld.pluralize import plural
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def command(
     if is_run(run_or_scenes):
         names = ["task", "size_wh", "source", "require_frozen"]
         options.refuse_given(names, "is for scenes: a run has its own")
-    written = export(
+    made = export(
         run_or_scenes,
         output,
         format=format,
@@ -93,6 +93,11 @@ def command(
         size_wh=size_wh,
         overwrite=overwrite,
         **given,
+    )
+    written = (
+        made
+        if isinstance(made, Written)
+        else Written(images=len(made.images), annotations=len(made.annotations))
     )
     for lost in written.losses:
         out.notice(f"{format} does not hold: {lost}")

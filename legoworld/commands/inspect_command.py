@@ -12,17 +12,18 @@ from legoworld import exit_codes
 from legoworld.commands import options, sources
 from legoworld.commands.options import flag, option
 from legoworld.commands.output import Output, table
-from legoworld.commands.param_types import EXISTING_PLACE, TaskChoice
+from legoworld.commands.param_types import EXISTING_SCENES, TaskChoice
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.pluralize import plural
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
-    from legoworld.api.scenes import SceneOptions, SceneView
+    from legoworld.api.scene_view import SceneView
+    from legoworld.api.scenes import SceneOptions
 
 
 @click.command("inspect")
-@click.argument("scene", type=EXISTING_PLACE)
+@click.argument("scene", type=EXISTING_SCENES)
 @option("--size", "Image size, such as 640x480.")
 @option("--photo", "Photo to draw over; sets the size.")
 @option(
@@ -52,7 +53,9 @@ def command(
     out: Output,
     **given: Unpack[SceneOptions],
 ) -> int:
-    """Show the instances of one SCENE (a folder or its URL), and why some are not visible.
+    """Show the instances of one SCENE, and why some are not visible.
+
+    SCENE: any .blend or .glb, or a scene folder or its URL.
 
     -o writes buffers.npz (instance int32, depth_z_m float32), instances.json, overlay.png and
     depth.png; of a task of amodal masks also amodal.png, hidden parts hatched; of boxes in space
@@ -64,6 +67,7 @@ def command(
     \b
     Examples:
       legoworld inspect scenes/000000000139
+      legoworld inspect kitchen.blend
       legoworld inspect scenes/coffee --photo coffee.png -o look
       legoworld inspect scenes/coffee --compare-sources --track track.json
       legoworld inspect s3://bucket/scenes/coffee --size 1200x800 --task lvis --json
@@ -92,6 +96,8 @@ def command(
 
     with read_from(scene) as here:
         if compare_sources:
+            if here.is_file():
+                raise click.UsageError("--compare-sources compares the two files of a scene folder")
             blend = look(here, size_wh)
             given["source"] = "glb"
             glb = look(here, blend.size_wh)

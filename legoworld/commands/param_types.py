@@ -19,6 +19,7 @@ ParamType = click.ParamType[Any]
 
 FOLDER: Final = click.Path(path_type=Path, file_okay=False)
 FILE: Final = click.Path(path_type=Path, dir_okay=False)
+WRITTEN: Final = click.Path(path_type=Path)
 EXISTING: Final = click.Path(path_type=Path, exists=True)
 EXISTING_FOLDER: Final = click.Path(path_type=Path, file_okay=False, exists=True)
 EXISTING_FILE: Final = click.Path(path_type=Path, dir_okay=False, exists=True)
@@ -117,8 +118,8 @@ class PlaceType(click.ParamType[Place]):
 
     name = "folder or url"
 
-    def __init__(self, *, exists: bool) -> None:
-        self._path = EXISTING_FOLDER if exists else FOLDER
+    def __init__(self, *, exists: bool, file: bool = False) -> None:
+        self._path = EXISTING if file else EXISTING_FOLDER if exists else FOLDER
 
     def convert(
         self, value: str | PathLike[str], param: click.Parameter | None, ctx: click.Context | None
@@ -134,3 +135,5 @@ class PlaceType(click.ParamType[Place]):
 
 PLACE: Final = PlaceType(exists=False)
 EXISTING_PLACE: Final = PlaceType(exists=True)
+#: A folder, its URL, or a .blend or .glb.
+EXISTING_SCENES: Final = PlaceType(exists=True, file=True)

@@ -15,7 +15,7 @@ from legoworld.commands.output import Output, print_json
 from legoworld.commands.param_types import (
     COUNT,
     EXISTING,
-    EXISTING_PLACE,
+    EXISTING_SCENES,
     PLACE,
     ShardType,
     TaskChoice,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @click.command("readout")
-@click.argument("scenes", required=False, type=EXISTING_PLACE)
+@click.argument("scenes", required=False, type=EXISTING_SCENES)
 @option(
     "--task",
     "Task to read out; repeatable: each scene is then read once for all tasks.",
@@ -77,9 +77,10 @@ def command(
     """Read boxes, masks, segments, depth, normals or bench submissions out of frozen SCENES.
 
     An image of the track is read from SCENES/<file_name without extension>/scene.blend. Without
-    --track every scene folder is an image. Several --task write RUNS/<task> for each, byte for byte
-    what one alone writes. Without SCENES the shipped examples are read. Re-run the
-    same command to resume. Exit code 1 when a scene could not be read.
+    --track every scene folder is an image. SCENES may be one .blend or .glb file. Several --task
+    write RUNS/<task> for each, byte for byte what one alone writes. Without SCENES the shipped
+    examples are read. Re-run the same command to resume. Exit code 1 when a scene could not be
+    read.
 
     \b
     Examples:

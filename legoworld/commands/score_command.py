@@ -45,7 +45,9 @@ _SHORT = 5
 def command(
     program_or_scene: Path, photo: Path, task: str, output: Path | None, out: Output, **given: Any
 ) -> int:
-    """Score one PROGRAM_OR_SCENE, a .py or a scene folder, against one photo's ground truth.
+    """Score one PROGRAM_OR_SCENE against one photo's ground truth.
+
+    PROGRAM_OR_SCENE: a .py, any .blend or .glb, or a scene folder.
 
     Does in one command what execute, track make, readout, inspect, evaluate and report do for a
     set: prints the numbers of this photo, what to fix, and where the overlay is. It is an
@@ -59,11 +61,11 @@ def command(
       legoworld score scenes/000000000139 --photo 139.jpg --image 139 --truth instances.json
     """
     from legoworld.api.listener import Listener
-    from legoworld.api.score import score
+    from legoworld.api.score import score_photo
     from legoworld.workers.scratch import scratch_folder
 
     with scratch_folder("legoworld-score-") as scratch:
-        found = score(
+        found = score_photo(
             program_or_scene,
             output or scratch / "score",
             photo=photo,

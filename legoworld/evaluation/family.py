@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.prepare_inputs import HERE, Origins
+from legoworld.files import Json
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import EvaluationEvidence
@@ -65,6 +69,56 @@ class RecordedEvaluation:
     inputs_hold: bool
 
 
+Picture = NDArray[np.float32] | NDArray[np.float64]
+#: Results as in a results file, or arrays by image id.
+LiveAnswers = Sequence[Mapping[str, Json]] | Mapping[int, Picture]
+#: A truth's file, one array, or arrays by image id.
+LiveTruth = str | Path | Picture | Mapping[int, Picture]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """The numbers of answers in memory. evaluator: the official one's name and version.
+
+    metrics: fractions by the official names, None where undefined; of a family by policy, under the
+    primary policy, and by_policy has all. per_image: rows of such a family, by image id.
+    """
+
+    task: str
+    evaluator: str
+    n_images: int
+    metrics: Mapping[str, float | None]
+    by_policy: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    per_image: Sequence[EvaluationRow] = ()
+
+    @property
+    def table(self) -> list[dict[str, str | float | None]]:
+        """One row of plain values per metric: `pandas.DataFrame(scores.table)`."""
+        return [
+            {"task": self.task, "metric": name, "policy": policy, "value": own}
+            for name, value in self.metrics.items()
+            for policy, own in self.by_policy.get(name, {"": value}).items()
+        ]
+
+    def __repr__(self) -> str:
+        numbers = ", ".join(f"{k} {v:.3f}" for k, v in self.metrics.items() if v is not None)
+        return f"<Scores of {self.task}, {self.n_images} images: {numbers or 'undefined'}>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveFamily:
+    """How answers in memory are scored, with nothing written.
+
+    open: a task's whole ground truth, from its file or from arrays by image id; sizes_wh: of its
+    images by id. score: task, truth, answers, and the images they are of, None for all of them.
+    Answers are results, or arrays by image id.
+    """
+
+    open: Callable[[str, LiveTruth], Any]
+    sizes_wh: Callable[[Any], Mapping[int, tuple[int, int]]]
+    score: Callable[[str, Any, LiveAnswers, Collection[int] | None], Scores]
+
+
 @dataclass(frozen=True, kw_only=True)
 class EvaluationFamily:
     """How answers of one kind are scored.
@@ -75,7 +129,7 @@ class EvaluationFamily:
     head: stands above them in place of the first short line; notes: sentences about what the
     numbers are over. files: what an evaluation must hold besides summary, rows and run. photos:
     whether its page shows the track's photos, which --photos names; truth_is_file: whether --truth
-    names the truth itself, and no folder of it.
+    names the truth itself, and no folder of it. live: scoring in memory, None where there is none.
     """
 
     evaluate: Callable[[EvaluationRequest], Summary]
@@ -88,6 +142,7 @@ class EvaluationFamily:
     files: frozenset[str] = frozenset()
     photos: bool = True
     truth_is_file: bool = True
+    live: LiveFamily | None = None
 
 
 def load_evaluation_family(task: str) -> EvaluationFamily:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Final
+from typing import Any, Final
 
 from legoworld.errors import LegoWorldError
 
@@ -30,17 +30,19 @@ class Format:
 
     run: "module:function" of (run's folder, output, *, track) -> Written; views: of (views:
     Iterable[ExportedView], output: a new folder) -> Written. None where the format is not written
-    from these.
+    from these. document: of (run or views, output, *, format, track, overwrite) -> what a file of
+    both holds, as a value.
     """
 
     name: str
     run: str | None = None
     views: str | None = None
+    document: str | None = None
 
 
 FORMATS: Final = (
-    Format(name="coco", run="legoworld.api.coco_export:write_coco"),
-    Format(name="kins", run="legoworld.api.coco_export:write_kins"),
+    Format(name="coco", document="legoworld.api.coco_export:export"),
+    Format(name="kins", document="legoworld.api.coco_export:export"),
     Format(name="omni3d", run="legoworld.api.boxes3d_export:write_omni3d"),
     Format(
         name="kitti",
@@ -60,8 +62,8 @@ def find_format(name: str) -> Format:
     return next(one for one in FORMATS if one.name == name)
 
 
-def writer(name: str) -> Callable[..., Written]:
+def writer(name: str) -> Callable[..., Any]:
     """The function that a row names, imported now."""
     module, _, function = name.partition(":")
-    found: Callable[..., Written] = getattr(import_module(module), function)
+    found: Callable[..., Any] = getattr(import_module(module), function)
     return found

@@ -41,9 +41,15 @@ class ExportedView:
     def intrinsics(self, form: str) -> NDArray[np.float64]:
         """(3, 3) K in pixels, the centre of the first pixel at (0.5, 0.5).
 
-        UsageError for an orthographic camera, which the format cannot hold.
+        UsageError for an orthographic camera or a distorting lens, which the format cannot hold.
         """
         camera = self.view.projection
+        if self.view.lens is not None:
+            raise UsageError(
+                f"{form} cannot hold a distorting lens",
+                found=f"camera {self.snapshot.camera.name!r} of scene {self.scene!r}",
+                next_step="export the views of the same cameras without their lens",
+            )
         if camera.orthographic:
             raise UsageError(
                 f"{form} cannot hold an orthographic camera",

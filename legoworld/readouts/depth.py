@@ -65,5 +65,9 @@ def _depth_bytes(row: RunRow) -> int:
 
 
 READOUT: Final = ReadoutFamily(
-    write=_write, sum_up=_sum_up, file_bytes=DEPTH_FILE.most_bytes, needs_instances=False
+    write=_write,
+    sum_up=_sum_up,
+    file_bytes=DEPTH_FILE.most_bytes,
+    needs_instances=False,
+    array=lambda image: image.view.buffers.depth_z_m,
 )

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from legoworld.cards import Card
 from legoworld.records.folders.read_run import ANSWERS, ROWS, RunDamagedError
 from legoworld.records.predictions import Prediction
@@ -57,9 +60,9 @@ class ReadoutFamily:
     must know. sum_up: a run's summary with what is its own, of the rows that have a result.
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
-    family's options. table: what `inspect` shows of an image besides its instances,
-    by what the card says is read. sum_up raises
-    RunDamagedError for rows that no run writes.
+    family's options. table: what `inspect` shows of an image besides its instances, by what the
+    card says is read. array: an image's answer where it is one array. sum_up raises RunDamagedError
+    for rows that no run writes.
     """
 
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
@@ -72,6 +75,7 @@ class ReadoutFamily:
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
     table: Callable[[str, AnsweredImage], Table | None] | None = None
     needs_instances: bool = True
+    array: Callable[[AnsweredImage], NDArray[np.float32]] | None = None
 
 
 def answer_file(name: str, suffix: str) -> str:

@@ -44,4 +44,5 @@ READOUT: Final = ReadoutFamily(
     sum_up=lambda summary, _rows, _ok: summary,
     file_bytes=NORMALS_FILE.most_bytes,
     needs_instances=False,
+    array=lambda image: image.view.normals(threads=image.threads).normal_cam,
 )

@@ -8,7 +8,8 @@ from legoworld.records.base import Record
 class InstanceRow(Record, frozen=True, kw_only=True):
     """One instance. objects: the names of the Blender objects it is made of.
 
-    category: its name in the vocabulary, None for one without a label. bbox_xywh_px: extents of the
+    category, category_id: in the vocabulary, None for one without a label; a label without a
+    vocabulary has no id. bbox_xywh_px: extents of the
     visible mask, zeros where no pixel shows it; reason: then why not (`view.UNSEEN_REASONS`).
     nested_in: the id of the instance it is labelled inside of.
     """
@@ -17,6 +18,7 @@ class InstanceRow(Record, frozen=True, kw_only=True):
     name: str
     objects: tuple[str, ...]
     category: str | None
+    category_id: int | None
     labelled: bool
     area_px: int
     bbox_xywh_px: tuple[int, int, int, int]

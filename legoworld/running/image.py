@@ -27,7 +27,7 @@ from legoworld.running.reconstruction_image import read_submission
 from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import files_in
-from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SIMULATIONS, SceneFolder
+from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SceneFolder
 from legoworld.scene.freeze import FrozenFiles, Hashes, hashed_dependencies
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
 from legoworld.scene.outside_files import leaves_scenes
@@ -172,7 +172,7 @@ def _dependencies_now(
     if names is None:
         if any(leaves_scenes(name, folder) for name in recorded):
             return {}
-        names = sorted({*recorded, *files_in(folder.path, [SIMULATIONS])})
+        names = sorted({*recorded, *files_in(folder.path, [folder.simulations])})
     return hashed_dependencies(folder, names, now, read_by=read_by).dependencies
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import LegoWorldError, SceneChangedError
+from legoworld.errors import LegoWorldError, NoCameraError, SceneChangedError
 from legoworld.files import atomic_path, write_text
-from legoworld.readouts.exports import bbox_xywh_px
+from legoworld.readouts.exports import bbox_xywh_px, select_exported
 from legoworld.readouts.pictures import (
     depth_picture,
     instance_picture,
@@ -24,42 +25,110 @@ from legoworld.running.scene_views import SceneViews
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import LABELS, SceneFolder, Source
-from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_files
-from legoworld.scene.instances import Grouping, group
-from legoworld.scene.labels import read_labels_file, resolve_labels
+from legoworld.scene.freeze import FrozenFiles, checked_artefacts, hash_artefacts
+from legoworld.scene.instances import Grouping, Instance, group
+from legoworld.scene.labels import Labels, read_labels_file, resolve_labels
 from legoworld.scene.read_scene import ReadScene, read_scene
 from legoworld.tracks.vocabulary import Vocabulary
 from legoworld.visibility.camera import aspect_differs
-from legoworld.visibility.view import View, unseen_reasons
-
-
-@dataclass(frozen=True, kw_only=True)
-class Inspection:
-    """One scene read out, with all instances described. entries: rows of instances.json.
-
-    nearest: the most similar names for each label outside the vocabulary.
-    """
-
-    scene: ReadScene
-    grouping: Grouping
-    view: View
-    entries: tuple[InstanceRow, ...]
-    warnings: tuple[str, ...]
-    outside_vocabulary: dict[str, int]
-    nearest: dict[str, list[str]]
-    not_rendered: tuple[tuple[str, str], ...]  # labelled owners without any surface: name, label
+from legoworld.visibility.distorted import LensMap
+from legoworld.visibility.posed_camera import Camera
+from legoworld.visibility.view import View, unseen_reasons, view_through
 
 
 @dataclass(frozen=True, kw_only=True)
 class OpenScene:
     """A scene that was read, before labels are resolved.
 
-    warnings: about files that changed since the scene was frozen.
+    warnings: about files that changed since the scene was frozen. no_camera: why only poses can be
+    seen from, None for a scene with a camera.
     """
 
     folder: SceneFolder
     scene: ReadScene
     warnings: tuple[str, ...]
+    no_camera: NoCameraError | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelledScene:
+    """A scene with its labels and instances under one vocabulary, None for labels as written."""
+
+    opened: OpenScene
+    vocabulary: Vocabulary | None
+    labels: Labels
+    grouping: Grouping
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """One view of a scene, with all instances described.
+
+    scene: with the camera of the view.
+    """
+
+    scene: ReadScene
+    labelled: LabelledScene
+    view: View
+
+    @property
+    def grouping(self) -> Grouping:
+        """The scene's instances."""
+        return self.labelled.grouping
+
+    @property
+    def outside_vocabulary(self) -> dict[str, int]:
+        """Labels that the vocabulary lacks, and how many owners carry each."""
+        return self.grouping.outside_vocabulary
+
+    @property
+    def not_rendered(self) -> tuple[tuple[str, str], ...]:
+        """Labelled owners without any surface: name, label."""
+        return self.grouping.unseen_owners
+
+    @cached_property
+    def entries(self) -> tuple[InstanceRow, ...]:
+        """The rows of instances.json, by id."""
+        return instance_entries(self.scene, self.grouping, self.view)
+
+    @cached_property
+    def exported(self) -> tuple[InstanceRow, ...]:
+        """The rows of the instances with a category and a visible pixel, by id."""
+        visible = select_exported(self.grouping.instances, self.view)
+        return tuple(_entry(self.grouping, self.view, instance, None) for instance in visible)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Caveats about this view, as sentences."""
+        snapshot, size = self.labelled.opened.scene.snapshot, self.view.size_wh
+        warnings = [
+            *self.labelled.opened.warnings,
+            *self.scene.files.warnings,
+            *snapshot.warnings,
+            *self.grouping.warnings,
+            *self.labelled.labels.warnings,
+        ]
+        w, h = snapshot.render.size_wh
+        if self.scene.snapshot is not snapshot:
+            if snapshot.for_camera:
+                warnings.append(
+                    f"hair and points are meshed as camera {snapshot.camera.name!r} sees them: "
+                    "from elsewhere their outlines are approximate"
+                )
+        elif aspect_differs(snapshot.render, size):
+            warnings.append(
+                f"the scene's own picture is {w}x{h}: another aspect than {size[0]}x{size[1]}"
+            )
+        return tuple(warnings)
+
+    @cached_property
+    def nearest(self) -> dict[str, list[str]]:
+        """The most similar names for each label outside the vocabulary."""
+        vocabulary = self.labelled.vocabulary
+        return {
+            label: vocabulary.nearest(label) if vocabulary else []
+            for label in self.outside_vocabulary
+        }
 
 
 def open_scene(
@@ -70,62 +139,68 @@ def open_scene(
     cache: SnapshotCache | None,
     require_frozen: bool = False,
     allow_changed: bool = False,
+    any_camera: bool = False,
 ) -> OpenScene:
     """Read one scene; raises its error.
 
-    allow_changed: accept a scene that changed since it was frozen, with a warning.
+    allow_changed: accept a scene that changed since it was frozen, with a warning. any_camera:
+    accept one without a camera, to be seen from poses.
     """
     files, changed = _files(folder, require_frozen=require_frozen, allow_changed=allow_changed)
-    scene = read_scene(folder, source=source, blender=blender, cache=cache, files=files)
-    return OpenScene(folder=folder, scene=scene, warnings=tuple(changed))
+    read = partial(read_scene, folder, source=source, blender=blender, cache=cache, files=files)
+    try:
+        return OpenScene(folder=folder, scene=read(), warnings=tuple(changed))
+    except NoCameraError as error:
+        if not any_camera:
+            raise
+        scene = read(any_camera=True)
+        return OpenScene(folder=folder, scene=scene, warnings=tuple(changed), no_camera=error)
+
+
+def label(
+    opened: OpenScene, vocabulary: Vocabulary | None, override_property: str | None
+) -> LabelledScene:
+    """The scene's instances under a vocabulary. Raises LabelsInvalidError."""
+    folder = opened.folder
+    outside = () if folder.lone else read_labels_file(folder.file(LABELS))
+    labels = resolve_labels(opened.scene.snapshot, outside, vocabulary, override_property)
+    grouping = group(opened.scene.snapshot, labels)
+    return LabelledScene(opened=opened, vocabulary=vocabulary, labels=labels, grouping=grouping)
 
 
 def look(
-    opened: OpenScene,
+    labelled: LabelledScene,
     *,
     size_wh: tuple[int, int] | None,
-    vocabulary: Vocabulary | None,
-    override_property: str | None,
     threads: int | None = None,
     views: SceneViews | None = None,
 ) -> Inspection:
-    """A scene's view at a size, None for its own. Raises LabelsInvalidError.
+    """A scene's view at a size, None for its own.
 
     views: what was drawn of the scene for other vocabularies.
     """
-    scene = opened.scene
-    labels = resolve_labels(
-        scene.snapshot, read_labels_file(opened.folder.file(LABELS)), vocabulary, override_property
-    )
-    grouping = group(scene.snapshot, labels)
+    scene = labelled.opened.scene
     size = size_wh or scene.snapshot.render.size_wh
     drawn = SceneViews() if views is None else views
-    seen = drawn.view(scene.snapshot, grouping, size, exact=True, threads=threads)
-    warnings = [
-        *opened.warnings,
-        *scene.files.warnings,
-        *scene.snapshot.warnings,
-        *grouping.warnings,
-        *labels.warnings,
-    ]
-    if aspect_differs(scene.snapshot.render, size):
-        w, h = scene.snapshot.render.size_wh
-        warnings.append(
-            f"the scene's own picture is {w}x{h}: another aspect than {size[0]}x{size[1]}"
-        )
-    return Inspection(
-        scene=scene,
-        grouping=grouping,
-        view=seen,
-        entries=instance_entries(scene, grouping, seen),
-        warnings=tuple(warnings),
-        outside_vocabulary=grouping.outside_vocabulary,
-        nearest={
-            label: vocabulary.nearest(label) if vocabulary else []
-            for label in grouping.outside_vocabulary
-        },
-        not_rendered=grouping.unseen_owners,
+    seen = drawn.view(scene.snapshot, labelled.grouping, size, exact=True, threads=threads)
+    return Inspection(scene=scene, labelled=labelled, view=seen)
+
+
+def look_through(
+    labelled: LabelledScene,
+    camera: Camera,
+    *,
+    threads: int | None = None,
+    lens: LensMap | None = None,
+) -> Inspection:
+    """A scene's view through any camera. lens: the map of the camera's lens, if it has one."""
+    scene = labelled.opened.scene
+    pinhole = camera.projection(scene.snapshot)
+    snapshot = replace(scene.snapshot, camera=camera.placed_in(scene.snapshot))
+    seen = view_through(
+        pinhole, snapshot, labelled.grouping, camera.size_wh, threads=threads, lens=lens
     )
+    return Inspection(scene=replace(scene, snapshot=snapshot), labelled=labelled, view=seen)
 
 
 def _files(
@@ -143,7 +218,7 @@ def _files(
                 next_step="`legoworld freeze` the scene again if the change is intended, otherwise "
                 "restore the file, or pass --allow-changed to inspect it as it is",
             ) from error
-        now = hash_files(folder.path, folder.artefacts())
+        now = hash_artefacts(folder)
         files = FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout")
         return files, [f"{error.what}: readout refuses the scene until it is frozen again"]
 
@@ -151,19 +226,22 @@ def _files(
 def instance_entries(scene: ReadScene, grouping: Grouping, seen: View) -> tuple[InstanceRow, ...]:
     """The rows of instances.json, by id."""
     reasons = unseen_reasons(scene.snapshot, grouping, seen)
-    return tuple(
-        InstanceRow(
-            id=instance.id,
-            name=instance.name,
-            objects=instance.objects,
-            category=instance.category.name if instance.category else None,
-            labelled=instance.category is not None,
-            area_px=int(seen.area_px[instance.id]),
-            bbox_xywh_px=bbox_xywh_px(seen, instance.id),
-            nested_in=grouping.nested.get(instance.id),
-            reason=reasons.get(instance.id),
-        )
-        for instance in grouping.instances
+    return tuple(_entry(grouping, seen, i, reasons.get(i.id)) for i in grouping.instances)
+
+
+def _entry(grouping: Grouping, seen: View, instance: Instance, reason: str | None) -> InstanceRow:
+    category = instance.category
+    return InstanceRow(
+        id=instance.id,
+        name=instance.name,
+        objects=instance.objects,
+        category=category.name if category else None,
+        category_id=category.id if category and category.id >= 0 else None,
+        labelled=category is not None,
+        area_px=int(seen.area_px[instance.id]),
+        bbox_xywh_px=bbox_xywh_px(seen, instance.id),
+        nested_in=grouping.nested.get(instance.id),
+        reason=reason,
     )
 
 

@@ -18,13 +18,10 @@ def cam_from_mesh(camera: SceneCamera, world_from_mesh: NDArray[np.float64]) -> 
     """(S, 3, 4) float64 camera-from-mesh transforms of (S, 3, 4) placements."""
     rotation = [list(row[:3]) for row in camera.world_from_camera]
     origin = np.array([row[3] for row in camera.world_from_camera], np.float64)
-    result = np.empty_like(world_from_mesh)
-    offset = world_from_mesh[:, :, 3] - origin
-    for row, (x, y, z) in enumerate(inverse(rotation)):
-        result[:, row, 3] = x * offset[:, 0] + y * offset[:, 1] + z * offset[:, 2]
-        for column in range(3):
-            axis = world_from_mesh[:, :, column]
-            result[:, row, column] = x * axis[:, 0] + y * axis[:, 1] + z * axis[:, 2]
+    moved = world_from_mesh.copy()
+    moved[:, :, 3] -= origin
+    x, y, z = np.array(inverse(rotation)).T[:, None, :, None]
+    result: NDArray[np.float64] = x * moved[:, 0:1] + y * moved[:, 1:2] + z * moved[:, 2:3]
     return result
 
 

@@ -1,10 +1,10 @@
-"""Scene folders: what an agent delivers for one photo, and where it is found."""
+"""Scenes on disk: the folder that an agent delivers for one photo, or one .blend or .glb file."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final, Literal
 
 from legoworld.errors import SceneMissingError
@@ -19,9 +19,6 @@ LABELS: Final = "labels.json"
 FROZEN: Final = "frozen.json"
 PROVENANCE: Final = "provenance.json"
 EXECUTION: Final = "execution.json"
-#: Where Blender looks for baked simulations of scene.blend, whether it has any or not.
-SIMULATIONS: Final = "blendcache_scene"
-
 #: The files a frozen scene consists of, besides what the .blend reads.
 ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS, PROVENANCE)
 #: Joints of a scene's parts, in files of any name.
@@ -32,17 +29,36 @@ JUDGED: Final = (LABELS, PROVENANCE)
 
 @dataclass(frozen=True, kw_only=True)
 class SceneFolder:
-    """One scene folder. name: its path below SCENES, for messages and results."""
+    """One scene folder. name: its path below SCENES, for messages and results.
+
+    lone: the name of a .blend or .glb that is a scene by itself: it stands for scene.blend or
+    scene.glb of a folder without any side file, whatever lies beside it.
+    """
 
     path: Path
     name: str
+    lone: str | None = None
 
     def file(self, name: str) -> Path:
         """The path of one of the folder's files, there or not."""
-        return self.path / name
+        return self.path / self.spelled(name)
+
+    def spelled(self, name: str) -> str:
+        """The name that scene.blend or scene.glb has on disk."""
+        return self.lone if self.lone is not None and name == self._stands_for() else name
+
+    def _stands_for(self) -> str:
+        return GLB if Path(self.lone or "").suffix.lower() == ".glb" else BLEND
+
+    @property
+    def simulations(self) -> str:
+        """Where Blender looks for baked simulations of the .blend, whether it has any or not."""
+        return f"blendcache_{Path(self.spelled(BLEND)).stem}"
 
     def artefacts(self) -> tuple[str, ...]:
         """The artefacts that are there, in a fixed order; URDF files last, by name."""
+        if self.lone is not None:
+            return (self._stands_for(),)
         folder = str(self.path)
         return (
             *(
@@ -63,12 +79,21 @@ class SceneFolder:
 
 
 def find_scene(scenes: Path, name: str) -> SceneFolder:
-    """The folder of one scene. Raises SceneMissingError when it holds nothing to read."""
-    folder = SceneFolder(path=scenes / name, name=name)
+    """The scene of a name: a folder, or any .blend or .glb; "." is SCENES itself.
+
+    scene.blend and scene.glb stand for their folder. Raises SceneMissingError when there is nothing
+    to read.
+    """
+    path = scenes / name
+    if is_scene_file(path) and path.name not in (BLEND, GLB):
+        return SceneFolder(path=path.parent, name=name, lone=path.name)
+    if is_scene_file(path):
+        path, name = path.parent, PurePosixPath(name).parent.as_posix()
+    folder = SceneFolder(path=path, name=name)
     if not folder.path.is_dir():
         raise SceneMissingError(
             f"there is no scene folder {name!r}",
-            found="no such folder",
+            found="a file, and no .blend or .glb" if path.is_file() else "no such folder",
             expected=f"{name}/{BLEND} below the folder of scenes",
             next_step="run the scene program with `legoworld execute`, or leave it missing",
         )
@@ -89,3 +114,27 @@ def find_scene(scenes: Path, name: str) -> SceneFolder:
             next_step="run the scene program with `legoworld execute`",
         )
     return folder
+
+
+def is_scene_file(path: Path) -> bool:
+    """Whether a path is a file that is a scene by itself."""
+    return path.suffix.lower() in (".blend", ".glb") and path.is_file()
+
+
+def scene_at(path: Path, source: Source) -> tuple[SceneFolder, Source]:
+    """The scene of a path, and the source to read, `source_of`. Raises SceneMissingError.
+
+    path: a scene folder, or any .blend or .glb, as `find_scene` takes it.
+    """
+    whole = path.resolve()
+    own = source_of(whole, source)
+    if is_scene_file(whole) and whole.name in (BLEND, GLB):
+        whole = whole.parent
+    return find_scene(whole.parent, whole.name), own
+
+
+def source_of(path: Path, source: Source) -> Source:
+    """The source of a scene file, which is its own; of a folder the one that is given."""
+    if not is_scene_file(path):
+        return source
+    return "glb" if path.suffix.lower() == ".glb" else "blend"

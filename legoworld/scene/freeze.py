@@ -88,6 +88,11 @@ def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]
     return {name: _file_hash(folder, name) for name in sorted(names)}
 
 
+def hash_artefacts(scene: SceneFolder) -> dict[str, FileHash | None]:
+    """The content of a scene's artefacts. Raises as `hash_files` does."""
+    return {n: _file_hash(scene.path, scene.spelled(n)) for n in sorted(scene.artefacts())}
+
+
 def _file_hash(folder: Path, name: str) -> FileHash | None:
     if name in SIZE_LIMITS:
         hashed = hash_side_file(folder, name)
@@ -181,8 +186,8 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
     Raises SceneChangedError when a file differs, appeared or went, NotFrozenError when a record
     is required and missing. Without a record the dependencies are not known yet: empty.
     """
-    side_file = read_side_file(scene.path, FROZEN, FrozenFile)
-    now = hash_files(scene.path, scene.artefacts())
+    side_file = None if scene.lone else read_side_file(scene.path, FROZEN, FrozenFile)
+    now = hash_artefacts(scene)
     if side_file is None:
         if require_frozen:
             raise NotFrozenError(
@@ -219,6 +224,8 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
 
 def warnings_of_program(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
     """A warning where the program that built the scene.blend of these hashes was stopped."""
+    if scene.lone is not None:
+        return ()
     blend = artefacts.get(BLEND)
     return program_warnings(scene.path, blend.sha256 if blend else None)
 

@@ -64,7 +64,7 @@ class OpenedScene:
         content: Mapping[str, Json] | None = None,
     ) -> None:
         self.folder = folder
-        self._blend = str(folder.path.resolve() / BLEND)
+        self._blend = str(folder.path.resolve() / folder.spelled(BLEND))
         hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
         own = {name: found.sha256 if found else None for name, found in hashes.items()}
         self._content = own if content is None else content

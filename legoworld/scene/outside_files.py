@@ -21,7 +21,8 @@ def leaves_scenes(name: str, scene: SceneFolder) -> bool:
     if name.startswith((OUTSIDE, "/")) or PureWindowsPath(name).drive:
         return True
     upwards = sum(part == ".." for part in PurePath(name).parts)
-    return upwards > len(PurePosixPath(scene.name).parts)
+    depth = len(PurePosixPath(scene.name).parts) - (scene.lone is not None)
+    return upwards > max(depth, 0)
 
 
 def recorded_name(name: str, scene: SceneFolder) -> str:

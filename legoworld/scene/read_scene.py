@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from legoworld.errors import SceneInvalidError, cause
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.cache import SnapshotCache
+from legoworld.scene.cache import SnapshotCache, files_in
 from legoworld.scene.folder import BLEND, GLB, SceneFolder, Source, find_scene
 from legoworld.scene.freeze import (
     FileHash,
@@ -74,23 +74,27 @@ def read_scene(
     blender: BlenderProcess,
     cache: SnapshotCache | None,
     files: FrozenFiles,
+    any_camera: bool = False,
 ) -> ReadScene:
     """The snapshot of a scene whose files were hashed by `checked_artefacts`.
 
-    Raises the typed verdicts of `errors`: missing, invalid, changed, failed or timeout.
+    any_camera: give a scene without a camera one; it is not cached. Raises the typed verdicts of
+    `errors`: missing, invalid, changed, failed or timeout.
     """
     name = BLEND if source == "blend" else GLB
     hashed = files.artefacts.get(name)
     if hashed is None:
         raise _missing_error(name, files)
+    if any_camera:
+        cache = None
     if cache is not None:
         stored = _load_cached(scene, name, hashed, cache, files)
         if stored is not None:
             return stored
     if source == "blend":
-        made = _from_blend(scene, hashed, files, cache, blender)
+        made = _from_blend(scene, hashed, files, cache, blender, any_camera=any_camera)
     else:
-        made = _from_glb(scene, hashed, files)
+        made = _from_glb(scene, hashed, files, any_camera=any_camera)
     snapshot, content = (
         _load_uncached(made) if cache is None else _store_in_cache(made, hashed, cache)
     )
@@ -121,6 +125,8 @@ def _load_cached(
     names = cache.dependencies(hashed.sha256, scene.path)
     if names is None:
         return None
+    # The same content may have been read under another name, beside another folder of simulations.
+    names = sorted({*names, *files_in(scene.path, [scene.simulations])})
     known = hashed_dependencies(scene, names, files, read_by=name)
     try:
         snapshot, content = load(cache.snapshot_path(hashed.sha256, known.dependencies))
@@ -135,6 +141,8 @@ def _from_blend(
     files: FrozenFiles,
     cache: SnapshotCache | None,
     blender: BlenderProcess,
+    *,
+    any_camera: bool,
 ) -> _NewSnapshot:
     """Have Blender write the snapshot, on the cache's disk where it is to be kept there."""
     if cache is None:  # each snapshot takes the place of the one before
@@ -148,20 +156,23 @@ def _from_blend(
         {
             "kind": "snapshot",
             # The folder is resolved and the file is not: what it links lies beside the name.
-            "blend": str(scene.path.resolve() / BLEND),
+            "blend": str(scene.path.resolve() / scene.spelled(BLEND)),
             "output": str(output),
             "passing": cache is None,
+            "any_camera": any_camera,
         }
     )
     names = answer["dependencies"]
     known = hashed_dependencies(scene, names, files, read_by=BLEND)
     # The file may have been replaced meanwhile: what was hashed must be what was read.
-    if not is_still(scene.path, BLEND, hashed):
+    if not is_still(scene.path, scene.spelled(BLEND), hashed):
         raise _changed_error(scene, BLEND)
     return _NewSnapshot(snapshot=output, files=known, names=names, watched=answer["watched"])
 
 
-def _from_glb(scene: SceneFolder, hashed: FileHash, files: FrozenFiles) -> _NewSnapshot:
+def _from_glb(
+    scene: SceneFolder, hashed: FileHash, files: FrozenFiles, *, any_camera: bool
+) -> _NewSnapshot:
     """Read scene.glb here, without Blender."""
     from legoworld.scene.gltf.buffers import external_files
     from legoworld.scene.gltf.container import parse_glb
@@ -173,7 +184,7 @@ def _from_glb(scene: SceneFolder, hashed: FileHash, files: FrozenFiles) -> _NewS
     parsed = parse_glb(data)
     names = external_files(parsed.document, scene.path)
     known = hashed_dependencies(scene, names, files, read_by=GLB)
-    snapshot = snapshot_of_glb(parsed, scene.path)
+    snapshot = snapshot_of_glb(parsed, scene.path, any_camera=any_camera)
     # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
     if hash_files(scene.path, names) != known.dependencies:
         raise _changed_error(scene, GLB)
@@ -206,10 +217,12 @@ def _store_in_cache(
 def read_hashed_side_file(
     scene: SceneFolder, name: str, kind: type[T], files: FrozenFiles
 ) -> SideFile[T] | None:
-    """A side file that is among the hashed artefacts; None where there is none.
+    """A side file that is among the hashed artefacts; None where there is none, as for a lone file.
 
     Raises as `read_side_file` does, and SceneInvalidError if it changed after it was hashed.
     """
+    if scene.lone is not None:
+        return None
     side_file, hashed = read_side_file(scene.path, name, kind), files.artefacts.get(name)
     if (side_file and side_file.sha256) != (hashed and hashed.sha256):
         raise _changed_error(scene, name)

@@ -62,6 +62,7 @@ class Request(TypedDict, total=False):
     usd: str
     metres_per_unit: float
     passing: bool
+    any_camera: bool
     card: CardRequest
     thumbnail_wh: tuple[int, int]
     case: CaseRequest

@@ -150,6 +150,9 @@ class Snapshot:
     float32, and one (H, W) uint8 alpha picture, top row first, per entry of `cutouts`.
     corner_alpha (T, 3) float32, empty where no attribute of a mesh decides: 1 where the triangle's
     own does not.
+
+    cameras: all that can be read, by name; for_camera: whether hair or points are meshed for
+    `camera` alone. No part of the content hash: no picture through `camera` depends on them.
     """
 
     objects: tuple[SceneObject, ...]
@@ -173,6 +176,8 @@ class Snapshot:
     corner_uv: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3, 2), np.float32))
     cutout_alphas: tuple[NDArray[np.uint8], ...] = ()
     corner_alpha: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    cameras: tuple[SceneCamera, ...] = ()
+    for_camera: bool = False
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Every array by name, in a fixed order."""
@@ -196,6 +201,10 @@ class Snapshot:
             "warnings": self.warnings,
             "cutouts": [vars(c) for c in self.cutouts],
         }
+
+    def camera_description(self) -> dict[str, Any]:
+        """What is stored beside the content, as JSON values."""
+        return {"cameras": [vars(c) for c in self.cameras], "for_camera": self.for_camera}
 
     def content_sha256(self) -> str:
         """Hex sha256 over all values; file names, file times and dict order do not enter."""
@@ -224,6 +233,7 @@ def save(snapshot: Snapshot, path: Path, *, passing: bool = False) -> str:
     stored: dict[str, NDArray[Any]] = {
         "description": np.frombuffer(description.encode("utf-8"), np.uint8),
         "content_sha256": np.frombuffer(content.encode("ascii"), np.uint8),
+        "cameras": np.frombuffer(canonical_json(snapshot.camera_description()).encode(), np.uint8),
     }
     write_arrays(path, stored | snapshot.arrays(), passing=passing)
     return content
@@ -238,6 +248,7 @@ def load(path: Path, *, passing: bool = False) -> tuple[Snapshot, str]:
         arrays = read_arrays(path, passing=passing)
         description = json.loads(arrays.pop("description").tobytes().decode("utf-8"))
         content = arrays.pop("content_sha256").tobytes().decode("ascii")
+        description |= json.loads(arrays.pop("cameras").tobytes().decode("utf-8"))
         return _from_parts(description, arrays), content
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SceneInvalidError(
@@ -249,7 +260,6 @@ def load(path: Path, *, passing: bool = False) -> tuple[Snapshot, str]:
 
 
 def _from_parts(description: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Snapshot:
-    camera = description["camera"]
     cutouts = tuple(Cutout(**c) for c in description["cutouts"])
     optional: dict[str, Any] = {}
     if cutouts:
@@ -270,12 +280,17 @@ def _from_parts(description: dict[str, Any], arrays: Mapping[str, NDArray[Any]])
             SceneCollection(**{**c, "parents": tuple(c["parents"])})
             for c in description["collections"]
         ),
-        camera=SceneCamera(
-            **{**camera, "world_from_camera": tuple(map(tuple, camera["world_from_camera"]))}
-        ),
+        camera=_camera(description["camera"]),
+        cameras=tuple(map(_camera, description["cameras"])),
+        for_camera=description["for_camera"],
         render=RenderSettings(**description["render"]),
         warnings=tuple(description["warnings"]),
         cutouts=cutouts,
         **required,
         **optional,
     )
+
+
+def _camera(values: dict[str, Any]) -> SceneCamera:
+    rows = tuple(map(tuple, values["world_from_camera"]))
+    return SceneCamera(**{**values, "world_from_camera": rows})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.tasks.task import Dataset, Family, Task
@@ -320,6 +320,23 @@ TASKS: Final = (
     ),
 )
 
+#: The shipped tasks, for type checkers and completion; packages add others.
+TaskName = Literal[
+    "coco",
+    "coco-masks",
+    "amodal",
+    "boxes3d",
+    "lvis",
+    "eth3d",
+    "normals",
+    "relations",
+    "coco-panoptic",
+    "coco-semantic",
+    "voc-semantic",
+    "ade20k-semantic",
+    "cityscapes-semantic",
+    "bench",
+]
 #: What a command asks where nobody says.
 DEFAULT: Final = "coco"
 #: The task of a bench, whose room serves it alone.

@@ -33,7 +33,8 @@ BINARY_MODELS: Final = {
 _WORDS_BEFORE_NAME: Final = 9
 #: Bytes of one point of images.bin: x and y as doubles, the 3D point's id.
 _POINT_BYTES: Final = 24
-
+#: A photo's name, its camera's id, its pose as it is written.
+_Photo = tuple[str, int, tuple[float, ...]]
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -56,10 +57,14 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """A folder's cameras by id, the camera id of each photo by name, and the files read."""
+    """A folder's cameras by id, the camera id of each photo by name, and the files read.
+
+    poses: of each photo by name, cam_from_world as QW QX QY QZ TX TY TZ.
+    """
 
     cameras: dict[int, Camera]
     camera_ids: dict[str, int]
+    poses: dict[str, tuple[float, ...]]
     files: tuple[Path, ...]
 
 
@@ -88,8 +93,11 @@ def read_calibration(folder: Path) -> Calibration:
     of_cameras = _binary_cameras if binary else _text_cameras
     of_images = _binary_images if binary else _text_images
     cameras = _unique(of_cameras(files[0]), "camera", files[0])
-    camera_ids = _unique(of_images(files[1]), "photo", files[1]) if len(files) > 1 else {}
-    return Calibration(cameras=cameras, camera_ids=camera_ids, files=files)
+    photos = list(of_images(files[1])) if len(files) > 1 else []
+    camera_ids = _unique(((name, own) for name, own, _ in photos), "photo", files[-1])
+    poses = {name: pose for name, _, pose in reversed(photos)}
+    poses = {name: poses[name] for name in camera_ids}
+    return Calibration(cameras=cameras, camera_ids=camera_ids, poses=poses, files=files)
 
 
 def _unique(entries: Iterator[tuple[K, V]], what: str, path: Path) -> dict[K, V]:
@@ -118,8 +126,8 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
         yield camera_id, _check_camera(Camera(model=model, size_wh=size_wh, params=params), path)
 
 
-def _text_images(path: Path) -> Iterator[tuple[str, int]]:
-    """Each photo's name and camera id.
+def _text_images(path: Path) -> Iterator[_Photo]:
+    """Each photo's name, camera id and pose.
 
     A photo has a line ID QW QX QY QZ TX TY TZ CAMERA_ID NAME and a line of points (X Y ID)...,
     which may be blank. Editors and scripts drop or double blank lines, so a photo's line is
@@ -130,7 +138,8 @@ def _text_images(path: Path) -> Iterator[tuple[str, int]]:
     for line in _lines(path):
         words = line.split(None, _WORDS_BEFORE_NAME)
         if _is_photo(words):
-            yield words[_WORDS_BEFORE_NAME], int(words[_WORDS_BEFORE_NAME - 1])
+            pose = tuple(map(float, words[1:8]))
+            yield words[_WORDS_BEFORE_NAME], int(words[_WORDS_BEFORE_NAME - 1]), pose
             points_may_follow = True
         elif points_may_follow and _are_points(words):
             points_may_follow = False
@@ -180,18 +189,18 @@ def _binary_cameras(path: Path) -> Iterator[tuple[int, Camera]]:
         yield camera_id, _check_camera(camera, path)
 
 
-def _binary_images(path: Path) -> Iterator[tuple[str, int]]:
+def _binary_images(path: Path) -> Iterator[_Photo]:
     """Count (uint64), then id, pose (7 doubles), camera id, a name that ends in 0, and points."""
     take = _reader(path)
     for _ in range(*take("<Q")):
-        camera_id = take("<I7dI")[-1]
+        _, *pose, camera_id = take("<I7dI")
         name = bytearray()
         while (letter := take("<c")[0]) != b"\0":
             name += letter
         (points,) = take("<Q")
         take(f"<{points * _POINT_BYTES}x")
         try:
-            yield name.decode("utf-8"), camera_id
+            yield name.decode("utf-8"), camera_id, tuple(pose)
         except UnicodeDecodeError as error:
             raise CalibrationError(
                 f"{path.name} has a name that cannot be read", found=str(error), expected="UTF-8"

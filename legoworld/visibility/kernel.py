@@ -9,8 +9,12 @@ threads, any order of placements, meshes and triangles, and any instruction set.
 from __future__ import annotations
 
 import ctypes
+import functools
 import math
 import os
+import weakref
+from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +43,10 @@ MAX_SIDE = 8192
 #: Set to one of LEVELS to keep the kernel from using wider vectors; the bytes are the same.
 LEVEL_VARIABLE = "LEGOWORLD_KERNEL_LEVEL"
 LEVELS = ("baseline", "avx2")
+
+#: Memory of earlier pictures: at most 64 MiB.
+_LARGEST_KEPT = 4 << 20
+_unused: deque[NDArray[np.uint8]] = deque(maxlen=16)
 
 #: More threads than this are slower.
 MAX_THREADS = 64
@@ -221,17 +229,29 @@ def _check_view(projection: Projection, size_wh: tuple[int, int], depth_scale: f
 
 
 def on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
-    """An array without initial values that begins on a cache line: rows can be written past it."""
-    line = 64
-    memory = np.empty(height * width * 4 + line, np.uint8)
+    """An array without initial values that begins on a cache line: rows can be written past it.
+
+    The memory of a picture that is not used any more is used again: its pages are there already,
+    and making them costs a third of a small picture.
+    """
+    line, count = 64, height * width
+    memory = None
+    with suppress(IndexError):
+        memory = _unused.pop()
+    if memory is None or not 4 * count + line <= memory.nbytes <= 8 * count + line:
+        memory = np.empty(4 * count + line, np.uint8)
     start = -memory.ctypes.data % line
-    return memory[start : start + height * width * 4].view(np.uint32).reshape(height, width)
+    if memory.nbytes > _LARGEST_KEPT:
+        return memory[start : start + 4 * count].view(np.uint32).reshape(height, width)
+    lines = (ctypes.c_uint32 * count).from_buffer(memory.data, start)  # what every view of it holds
+    weakref.finalize(lines, _unused.append, memory).atexit = False
+    return np.frombuffer(memoryview(lines), np.uint32).reshape(height, width)
 
 
 def level() -> int:
     """Index of the instruction set to use: the CPU's best, or what LEVEL_VARIABLE allows."""
     wanted = os.environ.get(LEVEL_VARIABLE, "")
-    best = int(library().lw_best_level())
+    best = _best_level()
     if not wanted:
         return best
     if wanted not in LEVELS:
@@ -239,6 +259,12 @@ def level() -> int:
             f"{LEVEL_VARIABLE} is unknown", found=wanted, expected=f"{' or '.join(LEVELS)}, or none"
         )
     return min(LEVELS.index(wanted), best)
+
+
+@functools.cache
+def _best_level() -> int:
+    """Asked once: on a virtual machine the CPU answers by way of the host, in a tenth of a ms."""
+    return int(library().lw_best_level())
 
 
 def raise_for(status: int) -> None:

@@ -3,6 +3,8 @@
 
 namespace lw {
 
+constexpr int32_t kStep = 16;  // pixels that are compared at once
+
 // Visible area of each instance, and its half-open extent x0, y0, x1, y1; zeros where area is 0.
 static int32_t extents(const int32_t* instance, int32_t width, int32_t height, int64_t instances,
                        int64_t* area, int64_t* extent) {
@@ -16,6 +18,11 @@ static int32_t extents(const int32_t* instance, int32_t width, int32_t height, i
     for (int32_t first = 0, x; first < width; first = x) {
       const int32_t id = row[first];
       x = first + 1;
+      for (; x + kStep <= width; x += kStep) {
+        int32_t other = 0;
+        for (int32_t i = 0; i < kStep; ++i) other |= row[x + i] ^ id;
+        if (other != 0) break;
+      }
       while (x < width && row[x] == id) ++x;
       if (id < 0) continue;
       if (id >= instances) return kIndexOutOfRange;
@@ -40,7 +47,6 @@ struct Run {
 // Runs down the columns; a run may continue in the next column.
 static std::vector<Run> column_runs(const int32_t* instance, int32_t width, int32_t height) {
   constexpr int32_t kStrip = 16;  // columns: one cache line of each row
-  constexpr int32_t kStep = 16;   // pixels that are compared at once
   std::vector<Run> runs;
   std::vector<int32_t> strip(static_cast<size_t>(kStrip) * height);
   int32_t last = INT32_MIN;

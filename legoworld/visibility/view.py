@@ -9,12 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.conventions import ALPHA_THRESHOLD
+from legoworld.conventions import ALPHA_THRESHOLD, NO_INSTANCE
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import Snapshot
 from legoworld.visibility.amodal import Amodal
 from legoworld.visibility.camera import projection
+from legoworld.visibility.distorted import LensMap
 from legoworld.visibility.kernel import HOLDOUT, Buffers, Cutouts, Surfaces, coverage, render
 from legoworld.visibility.layers import amodal_layers
 from legoworld.visibility.normals import Normals, geometric_normals
@@ -39,6 +40,7 @@ class View:
     snapshot: the scene; depth_scale: metres of a scene unit.
     area_px: (N,) int64, visible pixels of each instance of the grouping.
     bbox_xyxy_px: (N, 4) int64, half-open pixel extents of each; zeros where area is 0.
+    lens: what distorts it, None for a pinhole.
     """
 
     snapshot: Snapshot
@@ -49,6 +51,14 @@ class View:
     buffers: Buffers
     area_px: NDArray[np.int64]
     bbox_xyxy_px: NDArray[np.int64]
+    lens: LensMap | None = None
+
+    @property
+    def drawn(self) -> tuple[Projection, tuple[int, int]]:
+        """The projection and size that the surfaces were drawn with: of the lens, if any."""
+        if self.lens is None:
+            return self.projection, self.size_wh
+        return self.lens.projection, self.lens.size_wh
 
     def amodal(self, *, threads: int | None = None) -> Amodal:
         """Every instance of the same picture as if it were alone, by another drawing.
@@ -77,13 +87,15 @@ class View:
         """
         ids = self.surfaces.placement_id
         numbers = np.where(ids == HOLDOUT, HOLDOUT, np.arange(len(ids))).astype(np.int32)
-        return geometric_normals(
+        made = geometric_normals(
             replace(self.surfaces, placement_id=numbers),
-            self.projection,
-            self.size_wh,
+            *self.drawn,
             depth_scale=self.depth_scale,
             threads=threads,
         )
+        if self.lens is None:
+            return made
+        return replace(made, normal_cam=self.lens.look_up(made.normal_cam, np.nan))
 
 
 def view(
@@ -101,19 +113,25 @@ def view_through(
     size_wh: tuple[int, int],
     *,
     threads: int | None = None,
+    lens: LensMap | None = None,
 ) -> View:
     """Render a snapshot's instances from its camera's pose with a given projection.
 
-    camera: in pixels of `size_wh` and scene units.
+    camera: in pixels of `size_wh` and scene units. lens: the map of what distorts it, if anything.
     """
     surfaces = _surfaces(snapshot, grouping.surface_instance)
     buffers = render(
         surfaces,
-        camera,
-        size_wh,
+        lens.projection if lens else camera,
+        lens.size_wh if lens else size_wh,
         depth_scale=snapshot.render.unit_scale,
         threads=threads,
     )
+    if lens is not None:
+        buffers = Buffers(
+            instance=lens.look_up(buffers.instance, NO_INSTANCE),
+            depth_z_m=lens.look_up(buffers.depth_z_m, np.inf),
+        )
     area, extents = instance_extents(buffers.instance, len(grouping.instances))
     return View(
         snapshot=snapshot,
@@ -124,6 +142,7 @@ def view_through(
         buffers=buffers,
         area_px=area,
         bbox_xyxy_px=extents,
+        lens=lens,
     )
 
 
@@ -166,8 +185,7 @@ def unseen_reasons(
     asked = np.flatnonzero(is_asked[grouping.surface_instance])
     codes = coverage(
         _only(seen.surfaces, asked),
-        seen.projection,
-        seen.size_wh,
+        *seen.drawn,
         threads=threads,
     )
     best = np.zeros(len(grouping.instances), np.uint8)

@@ -73,9 +73,12 @@ def test_predictions_are_the_runs_own(view, tmp_path):
         folder, size = SCENES / row.scene, row.size_wh
         seen = legoworld.open_scene(folder).view(task="coco", size_wh=size)
         stored = json.loads((tmp_path / "run" / "predictions.json").read_text())
-        assert seen.predictions(row.image_id) == [
-            p for p in stored if p["image_id"] == row.image_id
-        ]
+        own = seen.predictions(row.image_id)
+        assert sorted(own, key=str) == sorted(
+            (p for p in stored if p["image_id"] == row.image_id), key=str
+        )
+        assert [p["category_id"] for p in own] == seen.category_ids().tolist()
+        assert [p["bbox"] for p in own] == seen.boxes_xywh_px().tolist()
 
 
 def test_the_command_prints_to_dict(view, capsys):
@@ -135,7 +138,7 @@ def test_a_reader_reads_what_comes_and_keeps_its_workers(tmp_path):
 def test_a_reader_closed_from_another_thread_ends_what_it_does(tmp_path, monkeypatch):
     started, go = threading.Event(), threading.Event()
     monkeypatch.setattr(
-        "legoworld.api.reader.find_scene", lambda *_: (started.set(), go.wait(300))[1]
+        "legoworld.api.reader.scene_at", lambda *_: (started.set(), go.wait(300), "blend")[1:]
     )
     reader = legoworld.Reader(workers=1, cache=False)
     readings: list[legoworld.Reading] = []

@@ -42,6 +42,15 @@ ODD: Final[dict[str, tuple[Any, ...]]] = {
     "image_ids": ((-1,), ("1",), (1.5,), (NAN,), 3, "12", (None,), (10**400,)),
     "image_id": (-1, 1.5, "1", None, NAN, 10**400),
     "instance_id": (-1, 10**9, 1.5, "1", None, NAN, 10**400),
+    "n": NO_COUNTS,
+    "form": ("coco", 7, None),
+    "arrays": ("jax", 7, None),
+    "radius": tuple(v for v in NO_NUMBERS if v is not None),
+    "ortho_scale": tuple(v for v in NO_NUMBERS if v is not None),
+    "fov_deg": (0, 180, -1, NAN, True, "50", 10**400),
+    "elevation_deg": (-90, 90, NAN, True, "20", None),
+    "clip": (1, (1,), (2, 1), (0, 1), (-1, 1), (1, INF), (NAN, 1), "12", (True, 2)),
+    "camera": (7, "no such camera", b"Camera", ("Camera",), NAN),
     "fail_below": ("AP=0", 7, [7], ["AP"], ["AP=x"], ["no=1"]),
     **dict.fromkeys(("workers", "limit", "images_per_file", "max_side", "draws"), NO_COUNTS),
     "seed": (-1, True, 1.5, "2", None, NAN),
@@ -55,6 +64,8 @@ CALLS: Final[dict[str, tuple[Callable[..., Any], dict[str, Any]]]] = {
     "evaluate": (legoworld.evaluate, {"run": "run", "output": "out", "truth": "truth.json"}),
     "compare": (legoworld.compare, {"evaluations": ["a", "b"], "output": "out"}),
     "Evaluation.open": (legoworld.Evaluation.open, {"folder": "none"}),
+    "orbit": (legoworld.orbit, {"centre": (0, 0, 0), "radius": 1, "n": 2}),
+    "read_cameras": (legoworld.read_cameras, {"path": "none"}),
 }
 
 
@@ -90,7 +101,8 @@ def test_an_odd_value_is_an_error_of_ours(
 
 
 @pytest.mark.parametrize(
-    "name", ["view", "mask", "panoptic", "semantic", "predictions", "overlay", "save"]
+    "name",
+    ["view", "mask", "panoptic", "semantic", "predictions", "targets", "overlay", "save"],
 )
 def test_an_odd_value_of_a_method(
     name: str, scene: legoworld.Scene, view: legoworld.SceneView, tmp_path: Path
@@ -118,11 +130,13 @@ def test_a_reader_refuses_odd_scenes_and_sizes() -> None:
 def test_every_argument_of_the_api_is_checked_or_a_switch() -> None:
     functions = [call for call, _ in CALLS.values()]
     functions += [legoworld.Scene.view, legoworld.Reader.read]
-    methods = ("mask", "panoptic", "semantic", "predictions", "overlay", "save")
+    methods = ("mask", "panoptic", "semantic", "predictions", "targets", "overlay", "save")
     functions += [getattr(legoworld.SceneView, name) for name in methods]
     names = {p.name: p for f in functions for p in inspect.signature(f).parameters.values()}
     switches = {n for n, p in names.items() if p.default is True or p.default is False}
-    unchecked = set(names) - set(CHECKS) - switches - {"self", "listener", "started"}
+    unchecked = set(names) - set(CHECKS) - switches
+    unchecked -= {"self", "listener", "started"}  # not a caller's to get wrong
+    unchecked -= {"camera", "centre", "path"}  # checked where they are used
     assert not unchecked
     assert set(CHECKS) <= set(ODD)
 

@@ -63,7 +63,9 @@ def test_the_page_passes_pyright(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("name", ["open_scene", "Reader", "readout", "evaluate", "compare"])
+@pytest.mark.parametrize(
+    "name", ["open_scene", "Reader", "readout", "evaluate", "compare", "score"]
+)
 def test_the_page_names_what_there_is(name):
     assert name in legoworld.__all__
     assert f"`{name}`" in PAGE.read_text(encoding="utf-8")

@@ -16,8 +16,12 @@ from legoworld import cli
 from legoworld.bench.harbor import HarborOptions
 from legoworld.plugin.serve import serve_plugin
 
-#: Commands whose words are taken: a scene is opened once and viewed often, and `report` is a room.
-OTHER_NAMES: Final = {"inspect": "open_scene", "report": "write_report", "import": "import_usd"}
+#: Commands whose words are taken: a scene is opened once and viewed often, `report` is a room,
+#: `score` scores what is in memory, and `import` is a word of Python.
+OTHER_NAMES: Final = {
+    "inspect": "open_scene", "report": "write_report", "score": "score_photo",
+    "import": "import_usd",
+}  # fmt: skip
 #: Commands about this installation, and those that serve another program: no functions.
 NO_FUNCTION: Final = {
     "demo", "doctor", "list", "agent list", "agent check", "agent install", "baseline install",

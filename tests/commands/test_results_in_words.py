@@ -39,7 +39,8 @@ from legoworld.tables.table import Column, Table, table
 
 def entry(number: int, area_px: int = 0, **said: Any) -> InstanceRow:
     known = {
-        "name": f"thing {number}", "objects": ("a", "b"), "category": None, "labelled": False,
+        "name": f"thing {number}", "objects": ("a", "b"), "category": None, "category_id": None,
+        "labelled": False,
         "bbox_xywh_px": (1, 2, 3, 4), "nested_in": None, "reason": "hidden",
     }  # fmt: skip
     return InstanceRow(id=number, area_px=area_px, **{**known, **said})

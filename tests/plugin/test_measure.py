@@ -14,7 +14,7 @@ from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import decode, readable
 from legoworld.records.plugin_evidence import CameraEvidence, EvidenceFile, PhotoEvidence, Region
 from legoworld.records.plugin_requirements import Report
-from legoworld.running.inspection import look, open_scene
+from legoworld.running.inspection import label, look, open_scene
 from legoworld.scene.folder import SceneFolder
 
 pytestmark = pytest.mark.blender
@@ -57,7 +57,7 @@ def readout(room_folders, blender):
     """What `inspect` says of the room: masks by object name, and depth."""
     folder = SceneFolder(path=room_folders / "none", name="none")
     opened = open_scene(folder, source="blend", blender=blender, cache=None)
-    seen = look(opened, size_wh=SIZE, vocabulary=None, override_property=None)
+    seen = look(label(opened, None, None), size_wh=SIZE)
     names = {row.objects[0]: seen.view.buffers.instance == row.id for row in seen.entries}
     return names, seen.view.buffers.depth_z_m
 

@@ -29,6 +29,7 @@ def row(number: int, category: str | None, box: tuple[int, int, int, int], area:
         name=f"thing {number}",
         objects=("Thing",),
         category=category,
+        category_id=None,
         labelled=category is not None,
         area_px=area,
         bbox_xywh_px=box,

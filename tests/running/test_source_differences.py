@@ -14,7 +14,7 @@ from scene.gltf.scenes import NoBlender
 
 from legoworld.errors import LegoWorldError, SceneChangedError
 from legoworld.running import source_comparison
-from legoworld.running.inspection import OpenScene, look, open_scene, write_inspection
+from legoworld.running.inspection import OpenScene, label, look, open_scene, write_inspection
 from legoworld.running.source_comparison import compare_sources
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import SceneFolder
@@ -41,7 +41,7 @@ def opened_again(folder, **options):
 
 
 def looked_at(scene, size_wh=(64, 64)):
-    return look(scene, size_wh=size_wh, vocabulary=VOCABULARY, override_property=None, threads=1)
+    return look(label(scene, VOCABULARY, None), size_wh=size_wh, threads=1)
 
 
 def changed(scene: OpenScene, **parts) -> OpenScene:
@@ -95,7 +95,9 @@ def test_a_pair_at_the_limit_agrees(tmp_path):
                     for row in theirs.entries)  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(source_comparison, "_partners", lambda *_: partners)
-        found = compare_sources(replace(ours, entries=entries), replace(theirs, entries=smaller))
+        for side, rows_of_side in ((ours, entries), (theirs, smaller)):
+            vars(side)["entries"] = rows_of_side
+        found = compare_sources(ours, theirs)
     assert {p.name: p.iou for p in found.pairs} == {"Aisle": 1.0, "Wall": 0.999}
     assert [p.name for p in found.pairs] == ["Aisle", "Wall"]  # both agree: by name
     assert found.n_disagreeing == 0
@@ -198,10 +200,8 @@ def test_another_pose_and_another_depth_are_said(tmp_path):
 
 
 def test_what_an_inspection_writes(tmp_path):
-    scene = look(
-        opened(tmp_path / "scene", (*SQUARES, ("Odd", 40, 40, 2, "chairs"))),
-        size_wh=None, vocabulary=VOCABULARY, override_property=None, threads=1,
-    )  # fmt: skip
+    made = opened(tmp_path / "scene", (*SQUARES, ("Odd", 40, 40, 2, "chairs")))
+    scene = look(label(made, VOCABULARY, None), size_wh=None, threads=1)
     assert scene.outside_vocabulary == {"chairs": 1}
     assert scene.nearest["chairs"][0] == "chair"
     assert scene.view.size_wh == (1080, 1080)  # a square camera's own

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
+from numpy.typing import NDArray
+
 from legoworld.cards import load_card
 from legoworld.errors import UsageError
+from legoworld.evaluation.depth.arrays import DepthArray, checked_array
 from legoworld.evaluation.depth.declaration import DECLARATION
 from legoworld.evaluation.depth.errors import (
     DepthMissingError,
@@ -28,10 +31,11 @@ from legoworld.evaluation.depth.rows import measure_depth
 from legoworld.evaluation.depth.scoring import valid_truth
 from legoworld.evaluation.depth.summary import summarise
 from legoworld.evaluation.depth.text import depth_metrics, depth_notes, short_depth
-from legoworld.evaluation.depth.truth import DepthTruthFile, find_truth, load_truth
+from legoworld.evaluation.depth.truth import DepthTruthFile, find_truth, load_truth, truth_of
 from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest
 from legoworld.evaluation.pixels.evaluate import evaluate_pixels
 from legoworld.evaluation.pixels.family import Options, PixelErrors, PixelFamily, Settings
+from legoworld.evaluation.pixels.live import live_pixels
 from legoworld.evaluation.pixels.predictions import PixelRun
 from legoworld.evaluation.pixels.verification import verify_pixels
 from legoworld.readouts.depth import DEPTH_FILE
@@ -91,6 +95,10 @@ def _evidence(summary: DepthSummary, configuration: DepthConfiguration) -> Depth
     )
 
 
+def _array(z_m: NDArray[Any]) -> DepthArray:
+    return checked_array(z_m, space="depth", unit="m", intrinsics_px=None, source="the array")
+
+
 def _protocol(task: str) -> DepthProtocol:
     return depth_protocol(load_card(task))
 
@@ -122,7 +130,9 @@ PIXELS: Final = PixelFamily(
     group=_group,
     find_truth=find_truth,
     load_truth=load_truth,
+    truth_of=truth_of,
     read=read_prediction,
+    array=_array,
     measure=measure_depth,
     check=_check,
     summarise=summarise,
@@ -150,4 +160,5 @@ EVALUATION: Final = EvaluationFamily(
     metrics=depth_metrics,
     notes=depth_notes,
     truth_is_file=False,
+    live=live_pixels(PIXELS, {"camera_model": "none"}),
 )

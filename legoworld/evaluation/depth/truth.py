@@ -66,16 +66,20 @@ def load_truth(file: DepthTruthFile) -> PixelTruth:
         z_m: NDArray[Any] = read_raw_float32(file.path, file.size_wh)
     else:
         z_m = planar_metres(read_labelled(file.path, file.declared), file.declared, file.path.name)
+    unsure = ("no cameras.txt: the truth's size is the track's, held to its bytes",)
+    return truth_of(z_m, unsure if file.size_from == "track" else ())
+
+
+def truth_of(z_m: NDArray[Any], warnings: tuple[str, ...] = ()) -> PixelTruth:
+    """Planar metres (H, W) as ground truth, with the counts of its invalid values."""
     counts = np.zeros(3, np.int64)
     for start in range(0, len(z_m), _BAND_ROWS):
         band = z_m[start : start + _BAND_ROWS]
         counts += [np.count_nonzero(x) for x in (band == np.inf, np.isnan(band), band <= 0)]
     inf_px, nan_px, non_positive_px = (int(n) for n in counts)
-    warnings = []
-    if file.size_from == "track":
-        warnings.append("no cameras.txt: the truth's size is the track's, held to its bytes")
     if nan_px or non_positive_px:
-        warnings.append(f"invalid truth left out: {nan_px} NaN, {non_positive_px} not positive")
+        left_out = f"invalid truth left out: {nan_px} NaN, {non_positive_px} not positive"
+        warnings = (*warnings, left_out)
     return PixelTruth(
         values=z_m,
         counts={

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import threading
 from dataclasses import dataclass
 from importlib import metadata
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 
 EvaluatorKind = Literal["official", "fast"]
+#: The evaluators print, and what they print is caught by exchanging the process's stdout.
+_PRINTING: Final = threading.Lock()
 
 
 class EvaluatorDisagreesError(LegoWorldError):
@@ -50,18 +53,19 @@ def run_evaluator(
     truth: Truth, predictions: Predictions, protocol: DetectionProtocol, kind: EvaluatorKind
 ) -> OfficialScores:
     """Score predictions over the images of the ground truth, which are the track's."""
-    if protocol.iou_type == "bbox3D":
+    with _PRINTING:
+        if protocol.iou_type == "bbox3D":
+            if kind == "fast":
+                raise UsageError(
+                    "hotcoco does not score boxes in space",
+                    expected="--evaluator official: pycocotools with the IoU of boxes in space",
+                )
+            return _in_space(truth, predictions, protocol)
         if kind == "fast":
-            raise UsageError(
-                "hotcoco does not score boxes in space",
-                expected="--evaluator official: pycocotools with the IoU of boxes in space",
-            )
-        return _in_space(truth, predictions, protocol)
-    if kind == "fast":
-        return _hotcoco(truth, predictions, protocol)
-    if protocol.federated:
-        return _lvis(truth, predictions)
-    return _pycocotools(truth, predictions, protocol.iou_type)
+            return _hotcoco(truth, predictions, protocol)
+        if protocol.federated:
+            return _lvis(truth, predictions)
+        return _pycocotools(truth, predictions, protocol.iou_type)
 
 
 def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> OfficialScores:

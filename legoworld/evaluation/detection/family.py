@@ -9,6 +9,7 @@ from legoworld.evaluation.checks import Check, check_equal
 from legoworld.evaluation.detection.amodal_sums import amodal_values, total_sums
 from legoworld.evaluation.detection.amodal_text import amodal_tables
 from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.live import LIVE
 from legoworld.evaluation.detection.text import (
     detection_metrics,
     evaluator_lines,
@@ -59,4 +60,5 @@ EVALUATION: Final = EvaluationFamily(
     notes=notes,
     tables=amodal_tables,
     files=frozenset({MATCHES}),
+    live=LIVE,
 )

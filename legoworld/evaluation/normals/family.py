@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
+
+from numpy.typing import NDArray
 
 from legoworld.cards import load_card
 from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest
-from legoworld.evaluation.normals.arrays import DECLARATION, read_prediction, valid_normals
+from legoworld.evaluation.normals.arrays import (
+    DECLARATION,
+    TOWARDS,
+    NormalsArray,
+    read_prediction,
+    valid_normals,
+)
 from legoworld.evaluation.normals.errors import (
     NormalsMissingError,
     NormalsPredictionError,
@@ -26,7 +34,14 @@ from legoworld.evaluation.normals.summary import summarise
 from legoworld.evaluation.normals.text import normals_metrics, normals_notes, short_normals
 from legoworld.evaluation.normals.truth import NormalsTruthFile, find_truth, load_truth
 from legoworld.evaluation.pixels.evaluate import evaluate_pixels
-from legoworld.evaluation.pixels.family import Options, PixelErrors, PixelFamily, Settings
+from legoworld.evaluation.pixels.family import (
+    Options,
+    PixelErrors,
+    PixelFamily,
+    PixelTruth,
+    Settings,
+)
+from legoworld.evaluation.pixels.live import live_pixels
 from legoworld.evaluation.pixels.predictions import PixelRun
 from legoworld.evaluation.pixels.verification import verify_pixels
 from legoworld.readouts.normals import NORMALS_FILE
@@ -73,6 +88,14 @@ def _any(_run: PixelRun, _files: Sequence[NormalsTruthFile], _options: Options) 
     """No option has to fit to run and truth."""
 
 
+def _truth_of(values: NDArray[Any]) -> PixelTruth:
+    return PixelTruth(values=values, counts={})
+
+
+def _array(values: NDArray[Any]) -> NormalsArray:
+    return NormalsArray(values=values, sign=TOWARDS)
+
+
 def _no_options(_summary: NormalsSummary) -> Options:
     return {}
 
@@ -96,7 +119,9 @@ PIXELS: Final = PixelFamily(
     group=str,  # the bootstrap draws images
     find_truth=find_truth,
     load_truth=load_truth,
+    truth_of=_truth_of,
     read=read_prediction,
+    array=_array,
     measure=measure_normals,
     check=_any,
     summarise=summarise,
@@ -122,4 +147,5 @@ EVALUATION: Final = EvaluationFamily(
     metrics=normals_metrics,
     notes=normals_notes,
     truth_is_file=False,
+    live=live_pixels(PIXELS, {}),
 )

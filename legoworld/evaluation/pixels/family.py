@@ -181,8 +181,9 @@ class PixelFamily:
     metrics, primary: in display order, and the policy that headlines follow.
     protocol: a task's, from its card; valid: mask of the values of truth that count.
     group: what is drawn with an image, by its file name.
-    find_truth: of every image, below a folder; load_truth: one of them.
-    read: a file of a run, its size checked before it is read.
+    find_truth: of every image, below a folder; load_truth: one of them; truth_of: an array in
+    memory. read: a file of a run, its size checked before it is read; array: one in memory, as
+    readouts have it.
     measure: an image's row with numbers, and its view.
     check: refuses options that do not fit to run and truth; declaration: the file of a truth folder
     that says what its arrays are. summarise, configuration, evidence: records of the family.
@@ -202,7 +203,9 @@ class PixelFamily:
     group: Callable[[str], str]
     find_truth: Callable[[Path, Sequence[RunImage]], tuple[Any, ...]]
     load_truth: Callable[[Any], PixelTruth]
+    truth_of: Callable[[NDArray[Any]], PixelTruth]
     read: Callable[[Path, SizeCheck | None], PixelArray]
+    array: Callable[[NDArray[Any]], PixelArray]
     measure: Callable[[Measuring], ImageResult]
     check: Callable[[PixelRun, Sequence[Any], Options], None]
     summarise: Callable[..., Any]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
+from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.pixels.family import (
     ImageResult,
     Measuring,
     Options,
+    PixelArray,
     PixelFamily,
     PixelTruth,
     TruthFile,
@@ -18,6 +22,7 @@ from legoworld.evaluation.pixels.family import (
 from legoworld.evaluation.pixels.predictions import PixelImage, load_prediction
 from legoworld.evaluation.pixels.resampling import size_check
 from legoworld.records.pixels import NO_TRUTH, PixelRow
+from legoworld.records.run_rows import RunImage
 
 R = TypeVar("R", bound=PixelRow)
 
@@ -31,17 +36,46 @@ def score_row(
     raised.
     """
     truth = _loaded(file, family)
+    row = _truth_row(image.image, truth, family)
+
+    def load(check: SizeCheck) -> PixelArray:
+        return load_prediction(image, family, check)
+
+    if row.n_valid >= family.protocol(task).min_valid_px and image.image.status != "ok":
+        return ImageResult(row=replace(row, status=image.image.status, reason=image.reason))
+    return _measured(row, truth, file, load, family, task, options)
+
+
+def score_values(
+    image: RunImage,
+    values: NDArray[Any],
+    truth: PixelTruth,
+    family: PixelFamily,
+    task: str,
+    options: Options,
+) -> ImageResult:
+    """Score one image of arrays in memory, `score_row`."""
     row = _truth_row(image, truth, family)
+    return _measured(row, truth, None, lambda _: family.array(values), family, task, options)
+
+
+def _measured(
+    row: PixelRow,
+    truth: PixelTruth,
+    file: TruthFile | None,
+    load: Callable[[SizeCheck], PixelArray],
+    family: PixelFamily,
+    task: str,
+    options: Options,
+) -> ImageResult:
     protocol = family.protocol(task)
     needed = protocol.min_valid_px
     if row.n_valid < needed:
         reason = f"{row.n_valid} valid truth pixels, {needed} are needed"
         return ImageResult(row=replace(row, status=NO_TRUTH, reason=reason))
-    if image.image.status != "ok":
-        return ImageResult(row=replace(row, status=image.image.status, reason=image.reason))
     try:
         check = size_check(family, truth.size_wh)
-        prediction = load_prediction(image, family, check)
+        prediction = load(check)
         check(prediction.size_wh)
         read = replace(
             row,
@@ -78,18 +112,18 @@ def _loaded(file: TruthFile, family: PixelFamily) -> PixelTruth:
         ) from error
 
 
-def _truth_row(image: PixelImage, truth: PixelTruth, family: PixelFamily) -> PixelRow:
+def _truth_row(image: RunImage, truth: PixelTruth, family: PixelFamily) -> PixelRow:
     step = max(1, (1 << 20) // truth.size_wh[0])
     starts = range(0, truth.size_wh[1], step)
-    name = image.image.file_name
+    name = image.file_name
     return family.row(
-        image_id=image.image.image_id,
+        image_id=image.image_id,
         file_name=name,
         group=family.group(name),
         status="",
         code=None,
         reason=None,
-        run_status=image.image.status,
+        run_status=image.status,
         truth_wh=truth.size_wh,
         n_valid=sum(int(family.valid(truth.values[i : i + step]).sum()) for i in starts),
         warnings=truth.warnings,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, cast
 
 from legoworld.conventions import CV_FROM_BLENDER_CAMERA
@@ -34,12 +35,39 @@ def refuse_missing_camera(scene: bpy.types.Scene) -> None:
     )
 
 
+def add_missing_camera(scene: bpy.types.Scene) -> None:
+    """Give a scene that has no camera, as `refuse_missing_camera` judges it, one at its origin."""
+    import bpy
+
+    try:
+        refuse_missing_camera(scene)
+    except NoCameraError:
+        scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        scene.collection.objects.link(scene.camera)
+
+
 def scene_camera(scene: bpy.types.Scene) -> SceneCamera:
     """The camera a render of an evaluated scene uses.
 
     Raises NoCameraError, UnsupportedCameraError or NonFiniteGeometryError.
     """
-    holder = scene.camera
+    return _camera_of(scene.camera)
+
+
+def scene_cameras(graph: bpy.types.Depsgraph) -> tuple[SceneCamera, ...]:
+    """The cameras of an evaluated scene by name, without those that cannot be read.
+
+    One that is hidden from rendering or excluded has no pose of the render, unless it is active.
+    """
+    cameras: dict[str, SceneCamera] = {}
+    for holder in sorted(graph.objects, key=lambda o: o.name):
+        if holder.type == "CAMERA" and holder.name not in cameras:
+            with suppress(UnsupportedCameraError, NonFiniteGeometryError):
+                cameras[holder.name] = _camera_of(holder)
+    return tuple(cameras.values())
+
+
+def _camera_of(holder: bpy.types.Object | None) -> SceneCamera:
     if holder is None or holder.type != "CAMERA":
         kind = "nothing" if holder is None else f"{holder.type.lower()} object {holder.name!r}"
         raise NoCameraError(

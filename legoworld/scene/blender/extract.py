@@ -9,7 +9,12 @@ import numpy as np
 
 from legoworld.errors import NoMeshError
 from legoworld.scene.blender.alpha_table import AlphaTable, Cut
-from legoworld.scene.blender.cameras import refuse_missing_camera, scene_camera
+from legoworld.scene.blender.cameras import (
+    add_missing_camera,
+    refuse_missing_camera,
+    scene_camera,
+    scene_cameras,
+)
 from legoworld.scene.blender.meshes import CopiedMesh, MeshCuts
 from legoworld.scene.blender.occurrences import Walk, walk
 from legoworld.scene.blender.open_file import OpenFile, open_blend
@@ -22,9 +27,15 @@ if TYPE_CHECKING:
     import bpy
 
 
-def snapshot_of_blend(path: Path) -> Snapshot:
-    """Open a .blend and copy its render state. Raises the SceneInvalidErrors of `errors`."""
-    return snapshot_of_open(open_blend(path))
+def snapshot_of_blend(path: Path, *, any_camera: bool = False) -> Snapshot:
+    """Open a .blend and copy its render state. Raises the SceneInvalidErrors of `errors`.
+
+    any_camera: give a scene without an active camera one of Blender's default settings.
+    """
+    opened = open_blend(path)
+    if any_camera:
+        add_missing_camera(opened.scene)
+    return snapshot_of_open(opened)
 
 
 def snapshot_of_open(opened: OpenFile) -> Snapshot:
@@ -39,20 +50,20 @@ def snapshot_of_open(opened: OpenFile) -> Snapshot:
     if not rendered_view_layer(scene).use_solid:
         warnings.append(f"view layer {render.view_layer!r} renders no surfaces: read with them")
     refuse_missing_camera(scene)
-    copied: list[tuple[Walk, SceneCamera]] = []
+    copied: list[tuple[Walk, tuple[SceneCamera, ...]]] = []
 
     def copy(graph: bpy.types.Depsgraph) -> None:
         seen_by = scene_camera(graph.scene_eval)
-        copied.append((walk(graph, seen_by), seen_by))
+        copied.append((walk(graph, seen_by), (seen_by, *scene_cameras(graph))))
 
     visit_render_state(scene, copy)
-    walked, camera = copied[0]
-    return _assemble(walked, camera, render, scene, warnings)
+    walked, cameras = copied[0]
+    return _assemble(walked, cameras, render, scene, warnings)
 
 
 def _assemble(
     walked: Walk,
-    camera: SceneCamera,
+    cameras: tuple[SceneCamera, ...],
     render: RenderSettings,
     scene: bpy.types.Scene,
     warnings: list[str],
@@ -72,7 +83,9 @@ def _assemble(
     return Snapshot(
         objects=objects,
         collections=collections,
-        camera=camera,
+        camera=cameras[0],
+        cameras=cameras[1:],
+        for_camera=walked.for_camera,
         render=render,
         warnings=(*warnings, *sorted(walked.warnings)),
         vertices=np.concatenate([m.vertices for m in meshes]),

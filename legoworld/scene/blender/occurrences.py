@@ -38,13 +38,17 @@ _UNUSED: Final = 2147483647  # what Blender fills persistent_id with
 
 @dataclass(kw_only=True)
 class Walk:
-    """Everything one walk over the dependency graph copied."""
+    """Everything one walk over the dependency graph copied.
+
+    for_camera: whether hair or points were meshed as one camera sees them.
+    """
 
     seen: list[GraphEntry] = field(default_factory=list)
     meshes: list[CopiedMesh] = field(default_factory=list)
     alphas: AlphaTable = field(default_factory=AlphaTable)
     generators: dict[Identity, Generator] = field(default_factory=dict)
     warnings: set[str] = field(default_factory=set)
+    for_camera: bool = False
 
 
 def walk(depsgraph: bpy.types.Depsgraph, camera: SceneCamera) -> Walk:
@@ -78,6 +82,7 @@ class _Walker:
         for instance in self.depsgraph.object_instances:
             self._see(instance)
         self.result.generators = self.objects.generators
+        self.result.for_camera = self.thin.made
         _refuse_broken_matrices(self.result.seen)
         return self.result
 

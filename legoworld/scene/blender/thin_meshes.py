@@ -40,7 +40,7 @@ _Drawing = Callable[[Strands, Eye], Triangulated]
 class ThinMeshes:
     """Makes these meshes, appends them to `meshes`, and reads each thing once.
 
-    drawn: whether the view layer renders hair at all.
+    drawn: whether the view layer renders hair at all; made: whether there is any such mesh.
     """
 
     camera: SceneCamera
@@ -50,6 +50,7 @@ class ThinMeshes:
     meshes: list[CopiedMesh]
     alphas: AlphaTable
     warnings: set[str]
+    made: bool = False
     _systems: dict[int, list[HairSystem]] = field(default_factory=dict)
     _strands: dict[tuple[int, int], tuple[Strands, bool]] = field(default_factory=dict)
     _spheres: dict[int, int] = field(default_factory=dict)
@@ -162,6 +163,7 @@ class ThinMeshes:
         vertices, triangles = parts[0] if len(parts) == 1 else join_meshes(parts)
         if not len(triangles):
             return -1
+        self.made = True
         self.meshes.append(CopiedMesh(vertices=vertices, triangles=triangles, cuts=None))
         return len(self.meshes) - 1
 

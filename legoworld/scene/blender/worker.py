@@ -90,7 +90,7 @@ def _snapshot(request: Request) -> dict[str, Any]:
     from legoworld.scene.snapshot import save
 
     blend = Path(request["blend"])
-    snapshot = snapshot_of_blend(blend)
+    snapshot = snapshot_of_blend(blend, any_camera=bool(request.get("any_camera")))
     depends, watched = dependencies(blend), watched_folders(blend)
     passing = bool(request.get("passing"))
     content = save(snapshot, Path(request["output"]), passing=passing)

@@ -10,6 +10,7 @@ picture.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Final, Literal, cast
 
 import numpy as np
@@ -28,16 +29,36 @@ _FAR: Final = 1e30  # stands for glTF's infinite projection
 _SHORT_SIDE_PX: Final = 1080
 _LONGEST_SIDE_PX: Final = 8192
 
+#: Blender's new camera, at the origin.
+_DEFAULT: Final = SceneCamera(
+    name="Camera",
+    type="PERSP",
+    world_from_camera=((1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0)),
+    lens_mm=50.0,
+    sensor_width_mm=36.0,
+    sensor_height_mm=24.0,
+    sensor_fit="AUTO",
+    shift_x=0.0,
+    shift_y=0.0,
+    ortho_scale=6.0,
+    clip_start=0.1,
+    clip_end=1000.0,
+)
+
 _Pose = tuple[tuple[float, float, float, float], ...]
 
 
-def scene_camera(document: Fields, tree: Tree) -> tuple[SceneCamera, float | None, tuple[str, ...]]:
+def scene_camera(
+    document: Fields, tree: Tree, *, any_camera: bool = False
+) -> tuple[SceneCamera, float | None, tuple[str, ...]]:
     """The scene's first camera in the file's order, its aspect ratio, and warnings.
 
-    glTF does not mark a camera as the active one. Raises NoCameraError, UnsupportedCameraError or
-    NonFiniteGeometryError.
+    any_camera: a default one where the scene has none. glTF does not mark a camera as the active
+    one. Raises NoCameraError, UnsupportedCameraError or NonFiniteGeometryError.
     """
     holders = [node for node in tree.nodes if node.camera >= 0]
+    if not holders and any_camera:
+        return _DEFAULT, None, ()
     if not holders:
         raise NoCameraError(
             "scene.glb has no camera",
@@ -52,14 +73,27 @@ def scene_camera(document: Fields, tree: Tree) -> tuple[SceneCamera, float | Non
             f"scene.glb holds {len(holders)} cameras and glTF marks none as active; "
             f"read: {holders[0].name!r}, not {names}",
         )
-    node = holders[0]
+    return *_node_camera(document, tree, holders[0]), warnings
+
+
+def scene_cameras(document: Fields, tree: Tree) -> tuple[SceneCamera, ...]:
+    """Every camera of the scene by its node's name, without those that cannot be read."""
+    cameras: dict[str, SceneCamera] = {}
+    for node in sorted(tree.nodes, key=lambda node: (node.name, node.index)):
+        if node.camera >= 0 and node.name not in cameras:
+            with suppress(UnsupportedCameraError, NonFiniteGeometryError):
+                cameras[node.name] = _node_camera(document, tree, node)[0]
+    return tuple(cameras.values())
+
+
+def _node_camera(document: Fields, tree: Tree, node: Node) -> tuple[SceneCamera, float | None]:
     pose = _rigid_pose(node, BLENDER_FROM_GLTF @ tree.world_from_node[node.index])
     camera = document.children("cameras")[node.camera]
     kind = camera.text("type")
     if kind == "perspective":
-        return *_perspective(camera.child(kind), node.name, pose), warnings
+        return _perspective(camera.child(kind), node.name, pose)
     if kind == "orthographic":
-        return *_orthographic(camera.child(kind), node.name, pose), warnings
+        return _orthographic(camera.child(kind), node.name, pose)
     raise UnsupportedCameraError(
         f"camera {node.name!r} cannot be read out",
         found=f"camera type {kind!r}",

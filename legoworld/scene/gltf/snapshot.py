@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from legoworld.errors import NoMeshError, NonFiniteGeometryError
 from legoworld.scene.gltf.accessors import Accessors, as_float32
 from legoworld.scene.gltf.buffers import Buffers
-from legoworld.scene.gltf.cameras import picture_size_wh, scene_camera
+from legoworld.scene.gltf.cameras import (
+    picture_size_wh,
+    scene_camera,
+    scene_cameras,
+)
 from legoworld.scene.gltf.container import Glb
 from legoworld.scene.gltf.cutouts import Cut
 from legoworld.scene.gltf.fields import Fields
@@ -25,15 +29,17 @@ _LARGEST: Final = 1e20  # as in `nodes`
 _INT32: Final = 2**31 - 1
 
 
-def snapshot_of_glb(glb: Glb, folder: Path) -> Snapshot:
+def snapshot_of_glb(glb: Glb, folder: Path, *, any_camera: bool = False) -> Snapshot:
     """Read the default scene of a .glb. Raises the SceneInvalidErrors of `errors`.
+
+    any_camera: give a scene without a camera one of Blender's default settings.
 
     folder: where the files lie that it names, if any. glTF's unit is the metre; it holds no
     picture size, so the render settings are of the camera's aspect and a warning says so.
     """
     document, budget = glb.document, Budget(glb.file_bytes)
     tree = node_tree(document)
-    camera, aspect, camera_warnings = scene_camera(document, tree)
+    camera, aspect, camera_warnings = scene_camera(document, tree, any_camera=any_camera)
     buffers = Buffers(glb, folder, budget)
     accessors = Accessors(document, buffers, budget)
     meshes = Meshes(document, tree, buffers, accessors, budget)
@@ -54,6 +60,7 @@ def snapshot_of_glb(glb: Glb, folder: Path) -> Snapshot:
         objects=_objects(order),
         collections=(),
         camera=camera,
+        cameras=scene_cameras(document, tree),
         render=_render_settings(size, tree.scene_name),
         warnings=(*warnings, *sorted(meshes.warnings)),
         **placed,

@@ -63,7 +63,11 @@ def execute(
     program's process exports the scene; another one, which it never touched, opens the scene and
     renders the picture. Raises the program's verdict (`execution_verdicts`, built nothing); what
     the output folder held is then as it was.
+
+    output: a folder; or a .blend or .glb to be written alone, without picture or record.
     """
+    if output.suffix.lower() in (".blend", ".glb") and not output.is_dir():
+        return _execute_to_file(program, output, limits, sandbox, inputs, notice)
     held = protections(sandbox)
     source = program.read_bytes()
     output.mkdir(parents=True, exist_ok=True)
@@ -84,6 +88,30 @@ def execute(
             notice(f"rendering {PICTURE}")
             warnings += final_picture(reader, made)
         return _deliver(source, made, output, report, warnings, check, held)
+
+
+def _execute_to_file(
+    program: Path,
+    output: Path,
+    limits: Limits,
+    sandbox: Confinement,
+    inputs: Sequence[Path],
+    notice: Callable[[str], None],
+) -> ExecutionFile:
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with scratch_folder(".executing-", output.parent) as scratch:
+        folder = scratch / "scene"
+        result = execute(
+            program, folder, limits=limits, picture=False, sandbox=sandbox, inputs=inputs,
+            notice=notice,
+        )  # fmt: skip
+        made = folder / (GLB if output.suffix.lower() == ".glb" else BLEND)
+        if not made.is_file():
+            raise ProgramOutputError(
+                f"the program left no {output.suffix}", found="; ".join(result.warnings)
+            )
+        made.replace(output)
+    return replace(result, files=(output.name,))
 
 
 def _run(

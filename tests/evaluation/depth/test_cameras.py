@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.cameras import _distort, pinhole_from_distorted
+from legoworld.evaluation.depth.cameras import pinhole_from_distorted
 from legoworld.evaluation.depth.errors import CameraModelError
 from legoworld.evaluation.depth.rows import warp_of
 from legoworld.evaluation.pixels.resampling import sampler
 from legoworld.tracks.colmap import Camera
+from legoworld.visibility.lens import distort
 
 WORDS = [float(x) for x in COURTYARD.split()]
 CAMERA = Camera(model="THIN_PRISM_FISHEYE", size_wh=(6048, 4032), params=tuple(WORDS[2:]))
@@ -75,11 +76,11 @@ def test_other_coefficients_there_and_back(
 def test_the_partial_derivatives_are_those_of_the_distortion() -> None:
     coefficients = (0.3, -0.2, 0.05, -0.04, 0.1, 0.15, 0.02, -0.03)
     uv = np.random.default_rng(3).uniform(-0.7, 0.7, (9, 2))
-    _, (f_u, f_v, g_u, g_v) = _distort(uv, coefficients)
+    _, (f_u, f_v, g_u, g_v) = distort(uv, coefficients)
     step = 1e-6
     for axis, expected in enumerate(((f_u, g_u), (f_v, g_v))):
         moved = np.eye(2)[axis] * step
-        ends = [_distort(uv + sign * moved, coefficients)[0] for sign in (1, -1)]
+        ends = [distort(uv + sign * moved, coefficients)[0] for sign in (1, -1)]
         slope = (ends[0] - ends[1]) / (2 * step)
         np.testing.assert_allclose(slope.T, expected, rtol=1e-7, atol=1e-8)
 

@@ -156,8 +156,8 @@ def test_a_picture_that_changes_while_it_is_read_is_no_scene(folder, monkeypatch
     with_picture(folder, np.full((2, 2), 255, np.uint8))
     original = gltf_snapshot.snapshot_of_glb
 
-    def replacing(*arguments):
-        made = original(*arguments)
+    def replacing(*arguments, **named):
+        made = original(*arguments, **named)
         (folder / "leaf.png").write_bytes(png_of_alpha(np.zeros((2, 2), np.uint8)))
         return made
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, cast
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.detection.inputs.truth_checks import (
@@ -46,6 +47,21 @@ class Truth:
     version: str
     warnings: tuple[str, ...]
 
+    @cached_property
+    def by_image(self) -> dict[int, tuple[dict[str, Any], list[dict[str, Any]]]]:
+        """The image and its annotations, by image id."""
+        found: dict[int, tuple[dict[str, Any], list[dict[str, Any]]]] = {
+            image["id"]: (image, []) for image in self.images
+        }
+        for annotation in self.annotations:
+            found[annotation["image_id"]][1].append(annotation)
+        return found
+
+    @cached_property
+    def sizes_wh(self) -> dict[int, tuple[int, int]]:
+        """Width and height of each image by id."""
+        return {image["id"]: (image["width"], image["height"]) for image in self.images}
+
     def document(self) -> dict[str, Any]:
         """A COCO-style document that an evaluator may modify: nothing in it is shared."""
         return {
@@ -62,19 +78,56 @@ def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
     TruthInvalidError: the file is broken. TruthMismatchError: its images, categories or version
     differ from the run's.
     """
+    return _read(path, protocol, run)
+
+
+def read_whole_truth(path: Path, protocol: DetectionProtocol) -> Truth:
+    """Read the ground truth of every image of a file. The same errors."""
+    return _read(path, protocol, None)
+
+
+def images_of_truth(truth: Truth, image_ids: Collection[int]) -> Truth:
+    """The truth of some of its images, as if no other were in the file.
+
+    TruthMismatchError for an image that it lacks.
+    """
+    images = [truth.by_image.get(image_id) for image_id in sorted(image_ids)]
+    if not all(images):
+        unknown = sorted(set(image_ids) - set(truth.by_image))
+        raise TruthMismatchError(
+            f"{share(len(unknown), len(image_ids), 'image', 'images')} "
+            f"{word_for(len(unknown), 'is', 'are')} not in the truth",
+            found=f"image {unknown[0]}",
+            expected=f"one of its {plural(len(truth.by_image), 'image', 'images')}",
+        )
+    chosen = [image for image in images if image]
+    own = [annotation for _, annotations in chosen for annotation in annotations]
+    own.sort(key=lambda annotation: int(annotation["id"]))
+    return replace(
+        truth,
+        images=tuple(image for image, _ in chosen),
+        annotations=tuple({**entry, "id": n} for n, entry in enumerate(own, start=1)),
+    )
+
+
+def _read(path: Path, protocol: DetectionProtocol, run: Run | None) -> Truth:
     document = _document(path, protocol)
     vocabulary = from_json(document["categories"], str(path))
     version = dataset_version(vocabulary, protocol.task)
-    _check_vocabulary(path, vocabulary, version, run)
     repairs: Counter[str] = Counter()
+    if run is not None:
+        _check_vocabulary(path, vocabulary, version, run)
     all_images = check_images(str(path), document["images"], repairs)
-    images = _images_of_run(path, all_images, run)
+    if run is not None:
+        images = _images_of_run(path, all_images, run)
+    else:
+        images = [all_images[image_id] for image_id in sorted(all_images)]
     check_image_values(str(path), images, federated=protocol.federated)
     annotations = check_annotations(
         str(path),
         document["annotations"],
         images=all_images,
-        wanted=(image.image_id for image in run.images),
+        wanted=[int(cast("int", image["id"])) for image in images],
         category_ids=(c.id for c in vocabulary.categories),
         check_shapes=protocol.payload.check_shapes,
         repairs=repairs,

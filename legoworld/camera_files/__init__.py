@@ -1,0 +1,1 @@
+"""Cameras out of the files of others: COLMAP, nerfstudio and NeRF, BlenderProc and BOP."""

@@ -1,0 +1,184 @@
+"""Scores in memory: the official numbers, of views, lists and arrays, from one process."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import io
+import json
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
+
+import legoworld
+from legoworld.errors import SceneMissingError, UsageError
+from legoworld.tasks.shipped import TASKS, TaskName
+
+ROOT = Path(__file__).parents[2]
+SCENES = ROOT / "examples"
+TRUTH = ROOT / "datasets" / "skimage_examples" / "truth_coco.json"
+BY_ID = {1: "astronaut", 2: "chelsea", 3: "coffee", 4: "motorcycle"}
+
+
+def official(results):
+    """pycocotools by itself, over a file of these results."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        true = COCO(str(TRUTH))
+        evaluation = COCOeval(true, true.loadRes([dict(r) for r in results]), "bbox")
+        for step in (evaluation.evaluate, evaluation.accumulate, evaluation.summarize):
+            step()
+    names = ("AP", "AP50", "AP75", "APs", "APm", "APl", "AR1", "AR10", "AR100", "ARs", "ARm", "ARl")
+    return {n: None if v == -1 else float(v) for n, v in zip(names, evaluation.stats, strict=True)}
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return legoworld.Truth.open(TRUTH, task="coco")
+
+
+@pytest.fixture(scope="module")
+def views(truth):
+    return {
+        image_id: legoworld.open_scene(SCENES / name).view(
+            task="coco", size_wh=truth.sizes_wh[image_id]
+        )
+        for image_id, name in BY_ID.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("evaluated")
+    track = ROOT / "datasets" / "skimage_examples" / "track_coco.json"
+    legoworld.readout(SCENES, folder / "run", task="coco", track=track, workers=1)
+    return legoworld.evaluate(folder / "run", folder / "e", truth=TRUTH, draws=5)
+
+
+def test_views_score_what_their_run_scores(views, truth, evaluated):
+    found = legoworld.score(views, truth)
+    assert found.metrics == evaluated.metrics
+    assert found.evaluator == "pycocotools 2.0.11"
+    assert found.n_images == evaluated.coverage.attempted == 4
+    assert found.table[0]["metric"] == "AP"
+    results = [entry for i, view in views.items() for entry in view.predictions(i)]
+    stored = json.loads((evaluated.folder.parent / "run" / "predictions.json").read_text())
+    assert sorted(results, key=str) == sorted(stored, key=str)
+    for answers in (stored, results, results[::-1]):
+        assert legoworld.score(answers, TRUTH, task="coco").metrics == official(answers)
+    assert legoworld.score([], truth).metrics["AP"] == 0
+
+
+def test_one_image_is_scored_alone(views, truth, tmp_path):
+    found = legoworld.score(views[4], truth, image_id=4)
+    assert found.n_images == 1
+    assert legoworld.score(views[4].predictions(4), truth, image_id=4).metrics == found.metrics
+    document = json.loads(TRUTH.read_text())
+    document["images"] = [i for i in document["images"] if i["id"] == 4]
+    document["annotations"] = [a for a in document["annotations"] if a["image_id"] == 4]
+    (tmp_path / "alone.json").write_text(json.dumps(document))
+    assert legoworld.score(views[4], tmp_path / "alone.json").metrics == found.metrics
+    assert found.metrics["AP"] != legoworld.score(views, truth).metrics["AP"]
+
+
+def test_a_reader_scores_as_it_reads(views, truth):
+    scenes = {i: SCENES / name for i, name in BY_ID.items()} | {3: SCENES / "nothing"}
+    with legoworld.Reader(task=["coco", "eth3d"], workers=2) as reader:
+        readings = {r.image_id: r for r in reader.score(scenes, truth)}
+        with pytest.raises(UsageError, match="no such image"):
+            reader.score({99: SCENES / "coffee"}, truth)
+    assert isinstance(readings[3].error, SceneMissingError)
+    for image_id in (1, 2, 4):
+        reading = readings[image_id]
+        if not reading.ok:
+            raise reading.error
+        assert reading.scores == legoworld.score(views[image_id], truth, image_id=image_id)
+        assert set(reading.views) == {"coco", "eth3d"}
+
+
+def test_scenes_and_cameras_share_one_queue(tmp_path):
+    cameras = legoworld.orbit(centre=(0, 0, 0), radius=2, n=3, size_wh=(30, 20))
+    scenes = [SCENES / "coffee", tmp_path / "nothing", SCENES / "chelsea"]
+    with legoworld.Reader(task="coco", workers=2) as reader:
+        readings = list(reader.map(scenes, cameras))
+        named = list(reader.map([SCENES / "coffee"], ["Camera", "Nobody"]))
+        begun = reader.map(scenes, cameras)
+        next(begun)
+        begun.close()
+    seen = sorted((r.scene.name, r.view.camera.name) for r in readings if r.ok)
+    assert seen == [(s, f"orbit {n}") for s in ("chelsea", "coffee") for n in range(3)]
+    assert [r.status for r in readings if not r.ok] == ["missing"]
+    assert [r.ok for r in named] == [False]
+
+
+def test_a_reader_leaves_the_event_loop_free():
+    async def read():
+        ticks, readings = 0, []
+
+        async def tick():
+            nonlocal ticks
+            while True:
+                ticks += 1
+                await asyncio.sleep(0)
+
+        ticking = asyncio.create_task(tick())
+        with legoworld.Reader(task="coco", workers=1) as reader:
+            async for reading in reader.aread([SCENES / "coffee"] * 3, size_wh=(30, 20)):
+                readings.append(reading)  # noqa: PERF401
+            async for _ in reader.aread([SCENES / "coffee"] * 3, size_wh=(30, 20)):
+                break
+        ticking.cancel()
+        return ticks, readings
+
+    ticks, readings = asyncio.run(read())
+    assert [r.ok for r in readings] == [True] * 3
+    assert ticks > 3
+
+
+def test_arrays_score_what_their_files_score():
+    true = np.linspace(1, 3, 600 * 4, dtype=np.float32).reshape(40, 60)
+    truth = legoworld.Truth.open({1: true, 2: 2 * true}, task="eth3d")
+    assert dict(truth.sizes_wh) == {1: (60, 40), 2: (60, 40)}
+    found = legoworld.score({1: 5 * true, 2: true}, truth)
+    assert found.metrics["abs_rel"] == pytest.approx(0, abs=1e-6)  # up to scale
+    assert found.n_images == 2
+    assert [row.status for row in found.per_image] == ["ok", "ok"]
+    other = legoworld.score(np.full_like(true, 2), true, task="eth3d")
+    assert other.metrics["abs_rel"] > 0.05
+    assert set(other.by_policy["abs_rel"]) > {"exclude"}
+
+
+def test_a_view_scores_against_its_own_arrays():
+    scene = legoworld.open_scene(SCENES / "coffee")
+    depth = scene.view(task="eth3d", size_wh=(60, 40))
+    assert legoworld.score(depth, depth.depth_z_m).metrics["abs_rel"] == pytest.approx(0, abs=1e-6)
+    turned = scene.view(task="normals", size_wh=(60, 40))
+    found = legoworld.score(turned, turned.normals())
+    assert found.metrics["mean_deg"] == pytest.approx(0, abs=0.1)
+
+
+def test_what_cannot_be_scored(views, truth):
+    depth = np.ones((4, 4), np.float32)
+    for call, words in (
+        (lambda: legoworld.score(views[1], truth), "which image the answer is of"),
+        (lambda: legoworld.score(views[1], truth, image_id=99), "not in the truth"),
+        (lambda: legoworld.score(views[1], depth, task="eth3d"), "of one task"),
+        (lambda: legoworld.score(views, TRUTH, task="coco-masks"), "of one task"),
+        (lambda: legoworld.score([], TRUTH), "of one task"),
+        (lambda: legoworld.score([{"image_id": 1}], truth), "has no category_id"),
+        (lambda: legoworld.score([{**views[1].predictions(1)[0], "category_id": 999}], truth), "9"),
+        (lambda: legoworld.score({1: depth}, {2: depth}, task="eth3d"), "different images"),
+        (lambda: legoworld.score("text", depth, task="eth3d"), "array in memory"),
+        (lambda: legoworld.Truth.open(depth, task="coco"), "against a file"),
+        (lambda: legoworld.Truth.open(TRUTH, task="bench"), "not scored in memory"),
+        (lambda: legoworld.Truth.open(TRUTH, task="cocoa"), "unknown task"),
+    ):
+        with pytest.raises(legoworld.LegoWorldError, match=words):
+            call()
+
+
+def test_the_typed_names_are_the_registrys():
+    assert get_args(TaskName) == tuple(task.name for task in TASKS)
