@@ -11,7 +11,7 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 
 from legoworld.api.exporting import RECORD, export, is_run
 from legoworld.api.scenes import open_scene
-from legoworld.errors import NoCameraError, UsageError
+from legoworld.errors import SceneInvalidError, UsageError
 from legoworld.exports.formats import FORMATS, Format, find_format, writer
 
 SCENE = CHECKOUT / "examples" / "astronaut"
@@ -70,7 +70,7 @@ def test_scenes_of_which_none_can_be_read_raise(tmp_path):
     header = b"glTF" + (2).to_bytes(4, "little") + (20 + len(document)).to_bytes(4, "little")
     chunk = len(document).to_bytes(4, "little") + b"JSON"
     (tmp_path / "scene" / "scene.glb").write_bytes(header + chunk + document)
-    with pytest.raises(NoCameraError):
+    with pytest.raises(SceneInvalidError):
         export(tmp_path / "scene", tmp_path / "out", format="bop", **SMALL)
     assert not (tmp_path / "out").exists()
     with pytest.raises(UsageError, match="neither a run nor a folder of scenes"):
