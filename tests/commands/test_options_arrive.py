@@ -105,7 +105,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
     ("inspect d --compare-sources --no-cache", "legoworld.api.scenes.open_scene",
      {"source": "blend", "allow_changed": False, "cache": False}),
     ("score d --photo x.txt --truth ids.txt --task lvis --image 7 --source glb --no-cache "
-     "--time-limit 9 --memory-limit 2 -o out", "legoworld.api.score.score_photo",
+     "--time-limit 9 --memory-limit 2 -o out", "legoworld.api.one_photo.score_photo",
      {"0.program_or_scene": Path("d"), "0.photo": Path("x.txt"), "0.truth": Path("ids.txt"),
       "0.task": "lvis", "0.image": "7", "0.source": "glb", "0.limits.time_s": 9.0,
       "0.limits.memory_bytes": 2 << 30, "1": Path("out")}),

@@ -198,7 +198,7 @@ def scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Any:
     monkeypatch.setattr("legoworld.evaluation.family.load_evaluation_family", family)
 
     def go(found: Any, *words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("legoworld.api.score.score_photo", lambda *_: found)
+        monkeypatch.setattr("legoworld.api.one_photo.score_photo", lambda *_: found)
         arguments = ["score", "scene", "--photo", "a.png", "--truth", "t.json", "--no-cache"]
         code = cli.run([*arguments, *words])
         said = capsys.readouterr()

@@ -27,7 +27,7 @@ F64 = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 #: The parameters that only some families take, such as a camera model.
-Options = Mapping[str, Any]
+Options = Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
