@@ -39,7 +39,7 @@ for i in range(3):
     place.instance_type, place.instance_collection = "COLLECTION", bottle
     place.location = (3, i - 1, 0)
     scene.collection.objects.link(place)
-quad("Floor", z=-1, half=6)
+quad("Floor", z=-1, half=6).modifiers.new("Rounded", "SUBSURF").render_levels = 3
 save("room")
 """
 #: By hand: labels of the older API, and a mesh in centimetres whose parent is no part of it.

@@ -21,6 +21,7 @@ def export_usd(blend: Path, output: Path) -> None:
         filepath=str(output),
         evaluation_mode="RENDER",
         xform_op_mode="MAT",  # translation, rotation and scale cannot hold shear
+        export_subdivision="TESSELLATE",  # as it is rendered, not for a reader to subdivide
         use_instancing=False,  # a label is a prim's, and each placement has its own
         author_blender_name=True,
         export_textures_mode="NEW",
