@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from legoworld.api.by_task import ByTask as ByTask
     from legoworld.api.cameras import orbit as orbit
     from legoworld.api.cameras import read_cameras as read_cameras
-    from legoworld.api.coco_export import export as export
     from legoworld.api.comparison import Comparison as Comparison
     from legoworld.api.comparison import compare as compare
     from legoworld.api.evaluation import Evaluation as Evaluation
     from legoworld.api.evaluation import evaluate as evaluate
     from legoworld.api.evidence import evidence_verify as evidence_verify
+    from legoworld.api.exporting import export as export
     from legoworld.api.listener import Listener as Listener
     from legoworld.api.merging import merge as merge
     from legoworld.api.plugin_evidence import plugin_evidence as plugin_evidence
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from legoworld.api.scoring import score as score
     from legoworld.api.tracks import track_check as track_check
     from legoworld.api.tracks import track_make as track_make
+    from legoworld.api.usd_import import import_usd as import_usd
     from legoworld.api.views import Views as Views
     from legoworld.bench.reward import bench_reward as bench_reward
     from legoworld.endpoint.workspace_finalisation import blender_finalise as blender_finalise
@@ -71,11 +72,11 @@ _NAMES = {
     "legoworld.api.bench": "bench_export bench_judges bench_make bench_score bench_serve"
     " bench_table",
     "legoworld.api.by_task": "ByTask",
-    "legoworld.api.coco_export": "export",
     "legoworld.api.cameras": "orbit read_cameras",
     "legoworld.api.comparison": "Comparison compare",
     "legoworld.api.evaluation": "Evaluation evaluate",
     "legoworld.api.evidence": "evidence_verify",
+    "legoworld.api.exporting": "export",
     "legoworld.api.listener": "Listener",
     "legoworld.api.merging": "merge",
     "legoworld.api.plugin_evidence": "plugin_evidence",
@@ -88,6 +89,7 @@ _NAMES = {
     "legoworld.api.score": "score_photo",
     "legoworld.api.scoring": "Truth score",
     "legoworld.api.tracks": "track_check track_make",
+    "legoworld.api.usd_import": "import_usd",
     "legoworld.api.views": "Views",
     "legoworld.bench.reward": "bench_reward",
     "legoworld.endpoint.workspace_finalisation": "blender_finalise",

@@ -281,15 +281,13 @@ class SceneView:
 
     @check_arguments
     def save_bop(self, folder: str | Path) -> None:
-        """Write `labelled` as a BOP dataset of one image, for 6D poses; see `score_poses`.
+        """Write the instances with a label as a BOP dataset of one image; see `score_poses`.
 
-        models/ (binary PLY and models_info.json), test/000001/ (poses, camera, masks, depth), in
-        millimetres. A model's frame is that of its box. UsageError where one is there already.
+        As `legoworld export --format bop` does, into a new folder. UsageError where it exists.
         """
-        from legoworld.api.bop_export import write_bop
+        from legoworld.api.exporting import export
 
-        names = [i.category or i.name for i in self.labelled]
-        write_bop(self._inspection.view, [i.id for i in self.labelled], names, Path(folder))
+        export([self], folder, format="bop")
 
     @property
     def in_space(self) -> bool:

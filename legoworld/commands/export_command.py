@@ -3,87 +3,116 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
+from legoworld import exit_codes
 from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
-from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
+from legoworld.commands.param_types import EXISTING_FOLDER, Choice, TaskChoice
+from legoworld.exports.formats import FORMAT_NAMES, Written, find_format
 from legoworld.pluralize import plural
 
-#: From this tilt on, it is said what KITTI's boxes lose.
-LEVEL_DEG: Final = 0.5
-FORMATS: Final = ("coco", "kins", "omni3d", "kitti")
+if TYPE_CHECKING:
+    from legoworld.api.exporting import ReaderOptions
 
 
 @click.command("export")
-@click.argument("run", type=EXISTING_FOLDER)
-@option("--format form", "Output format.", Choice(FORMATS), default="coco")
+@click.argument("run_or_scenes", type=EXISTING_FOLDER)
+@option("--format", "Output format.", Choice(FORMAT_NAMES), default="coco")
 @option(
-    "--output", "File to write [default: legoworld-runs/<RUN>-coco.json].", FILE, required=False
+    "--output",
+    "File or folder to write [default: legoworld-runs/<NAME>-<FORMAT>].",
+    click.Path(path_type=Path),
+    required=False,
+)
+@option(
+    "--task",
+    "Of scenes: task whose vocabulary resolves the labels [default: every label counts].",
+    TaskChoice(lambda task: task.family.labelled),
 )
 @option(
     "--track",
-    "The run's track, where its categories are not the dataset's own [default: those predicted].",
+    "Of a run: for category names other than the dataset's own. Of scenes: whose vocabulary "
+    "resolves the labels.",
 )
-@option("--overwrite", "Replace an existing file.")
+@option("--size", "Of scenes: image size, such as 640x480 [default: each scene's own].")
+@option("--source")
+@option("--require-frozen")
+@option("--overwrite", "Replace an existing file, or a folder of an earlier export.")
+@options.cache
+@options.limits
 @options.printing_json
 def command(
-    run: Path,
-    form: Literal["coco", "kins", "omni3d", "kitti"],
+    run_or_scenes: Path,
+    format: str,  # noqa: A002
     output: Path | None,
+    task: str | None,
     track: Path | None,
+    size_wh: tuple[int, int] | None,
     overwrite: bool,
     out: Output,
+    **given: Unpack[ReaderOptions],
 ) -> int:
-    """Write the boxes or masks of a RUN as one COCO JSON for dataset tools.
+    """Write a run, or what the cameras of scenes see, in the format of other tools.
 
-    The file is a complete dataset: images, categories, and each prediction as an annotation with
-    bbox, area, segmentation (compressed RLE; empty for boxes), iscrowd 0 and score. Tools that read
-    it: pycocotools, torchvision's CocoDetection, FiftyOne, supervision (boxes). Annotations from a
-    scene have the names of their objects under `attributes`.
+    From a RUN: coco (boxes or masks), kins (amodal masks), omni3d and kitti (boxes in space). A
+    COCO file is a complete dataset: images, categories, and each prediction as an annotation with
+    bbox, area, segmentation (compressed RLE; empty for boxes), iscrowd 0 and score.
 
-    kins, of amodal masks, adds the visible parts: inmodal_seg, inmodal_bbox, a_area, i_area and
-    occlude_rate. `evaluate` reads such a file as ground truth.
+    From SCENES (one scene folder, or a folder of them): kitti; bop (poses, models, masks, depth,
+    in millimetres); replicator (BasicWriter's files); usd (the scene with semantic labels).
 
-    omni3d, of boxes in space, is one JSON in Omni3D's form, which `evaluate` reads as ground truth;
-    kitti is a folder of label_2/ and calib/, one text file a photo.
+    What a format cannot hold is printed. docs/exports.md describes each.
 
     \b
     Examples:
       legoworld export runs/coco -o coco.json
       legoworld export runs/amodal --format kins -o truth.json
-      legoworld export runs/boxes3d --format omni3d -o truth.json
       legoworld export runs/masks --format coco --track track.json -o masks.json
+      legoworld export scenes --format bop --task lvis -o bop
+      legoworld export scenes/coffee --format usd -o usd
     """
-    output = output or Path("legoworld-runs") / f"{run.resolve().name}-{form}.json"
-    if form == "omni3d" or form == "kitti":
-        from legoworld.api.boxes3d_export import export_boxes3d
+    from legoworld.api.exporting import export, is_run
 
-        made = export_boxes3d(run, output, form=form, track=track, overwrite=overwrite)
-        if form == "kitti" and made.tilt_deg > LEVEL_DEG:
-            out.notice(
-                f"KITTI's boxes turn about the camera's vertical alone: up to {made.tilt_deg:.1f} "
-                "degrees of tilt are lost; omni3d keeps them"
-            )
-        n_images, n_annotations = made.images, made.annotations
-        shown = {"images": n_images, "annotations": n_annotations}
-        out.show(
-            {"format": form, "output": str(output), **shown},
-            f"{plural(n_annotations, 'box', 'boxes')} of {plural(n_images, 'image', 'images')} "
-            f"-> {output}",
-        )
-        return 0
-    from legoworld.api.coco_export import export
-
-    output = output or Path("legoworld-runs") / f"{run.resolve().name}-{form}.json"
-    document = export(run, output, format=form, track=track, overwrite=overwrite)
-    n_images, n_annotations = len(document.images), len(document.annotations)
-    out.show(
-        {"format": form, "output": str(output), "images": n_images, "annotations": n_annotations},
-        f"{plural(n_annotations, 'annotation', 'annotations')} of "
-        f"{plural(n_images, 'image', 'images')} -> {output}",
+    if output is None:
+        suffix = ".json" if find_format(format).views is None else ""
+        name = f"{run_or_scenes.resolve().name}-{format}{suffix}"
+        output = Path("legoworld-runs") / name
+    if is_run(run_or_scenes):
+        names = ["task", "size_wh", "source", "require_frozen"]
+        options.refuse_given(names, "is for scenes: a run has its own")
+    made = export(
+        run_or_scenes,
+        output,
+        format=format,
+        task=task,
+        track=track,
+        size_wh=size_wh,
+        overwrite=overwrite,
+        **given,
     )
-    return 0
+    written = (
+        made
+        if isinstance(made, Written)
+        else Written(images=len(made.images), annotations=len(made.annotations))
+    )
+    for lost in written.losses:
+        out.notice(f"{format} does not hold: {lost}")
+    for name, error in written.failed.items():
+        out.notice(f"{name}: {error}")
+    out.show(
+        {
+            "format": format,
+            "output": str(output),
+            "images": written.images,
+            "annotations": written.annotations,
+            "not_held": written.losses,
+            "failed": sorted(written.failed),
+        },
+        f"{plural(written.annotations, 'annotation', 'annotations')} of "
+        f"{plural(written.images, 'image', 'images')} -> {output}",
+    )
+    return exit_codes.INCOMPLETE if written.failed else exit_codes.DONE

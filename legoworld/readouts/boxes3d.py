@@ -75,7 +75,7 @@ def fit_boxes(
     """The boxes of instances, in the order of the ids."""
     if not ids:
         return []
-    points = InstancePoints(view.surfaces, view.depth_scale)
+    points = _Points(view.surfaces, view.depth_scale)
     whole = view.amodal(threads=threads).silhouettes(ids, threads)
     return [
         _fitted(i, points.of(i), _frame(view, points, i, kind), of_whole, kind)
@@ -83,8 +83,8 @@ def fit_boxes(
     ]
 
 
-class InstancePoints:
-    """Surfaces of instances in the camera frame, each mesh's vertices taken once."""
+class _Points:
+    """The vertices of instances in the camera frame, each mesh's taken once."""
 
     def __init__(self, surfaces: Surfaces, scale: float) -> None:
         self._surfaces, self._scale = surfaces, scale
@@ -105,18 +105,6 @@ class InstancePoints:
         ]
         return np.concatenate(parts) * self._scale
 
-    def mesh_of(self, instance_id: int) -> tuple[Floats, NDArray[np.int32]]:
-        """Vertices, metres, and triangles of all of an instance."""
-        of, parts, faces, n = self._surfaces, [], [], 0
-        for k in self.placements(instance_id):
-            mesh = int(of.placement_mesh[k])
-            vertices = of.vertices[of.vertex_start[mesh] : of.vertex_start[mesh + 1]]
-            parts.append(transform_points(of.cam_from_mesh[k], vertices.astype(np.float64)))
-            first, last = of.triangle_start[mesh : mesh + 2]
-            faces.append(of.triangles[first:last] + n)
-            n += len(vertices)
-        return np.concatenate(parts) * self._scale, np.concatenate(faces).astype(np.int32)
-
     def first_axes(self, instance_id: int) -> Floats:
         """(3, 3) columns of the first placement's transform."""
         first = self.placements(instance_id)[0]
@@ -133,7 +121,7 @@ class InstancePoints:
         return self._meshes[mesh]
 
 
-def _frame(view: View, points: InstancePoints, instance_id: int, kind: Kind) -> Floats:
+def _frame(view: View, points: _Points, instance_id: int, kind: Kind) -> Floats:
     """(3, 3) the rows of a frame to fit in: two axes around the vertical one, which is the second.
 
     The vertical one points down; of `object`, it is the object's axis nearest to that.
@@ -141,7 +129,7 @@ def _frame(view: View, points: InstancePoints, instance_id: int, kind: Kind) -> 
     world_from_cam = view.snapshot.camera.world_from_camera
     down = -np.array(world_from_cam[2][:3], np.float64)
     if kind == "object":
-        axes = _orthonormal(points.first_axes(instance_id))
+        axes = orthonormal(points.first_axes(instance_id))
         along = axes[:, 0] * down[0] + axes[:, 1] * down[1] + axes[:, 2] * down[2]
         upright = int(np.abs(along).argmax())
         vertical = axes[upright] * (1.0 if along[upright] >= 0 else -1.0)
@@ -156,8 +144,8 @@ def _frame(view: View, points: InstancePoints, instance_id: int, kind: Kind) -> 
     return np.stack([first, vertical, cross(first, vertical)])
 
 
-def _orthonormal(columns: Floats) -> Floats:
-    """(3, 3) rows: the first column, what is left of the second, and their product.
+def orthonormal(columns: Floats) -> Floats:
+    """(3, 3) rows of a rotation: the first column, what is left of the second, and their product.
 
     Shear and mirroring are gone; a column without a length is replaced by any direction.
     """

@@ -54,11 +54,13 @@ class Request(TypedDict, total=False):
     kind: Required[
         Literal[
             "version", "snapshot", "state", "check", "picture", "card_render", "facts", "cases",
-            "case",
+            "case", "usd", "import",
         ]
     ]  # fmt: skip
     blend: str
     output: str
+    usd: str
+    metres_per_unit: float
     passing: bool
     any_camera: bool
     corner_normals: bool

@@ -16,9 +16,12 @@ from legoworld import cli
 from legoworld.bench.harbor import HarborOptions
 from legoworld.plugin.serve import serve_plugin
 
-#: Commands whose words are taken: a scene is opened once and viewed often, `report` is a room, and
-#: `score` scores what is in memory.
-OTHER_NAMES: Final = {"inspect": "open_scene", "report": "write_report", "score": "score_photo"}
+#: Commands whose words are taken: a scene is opened once and viewed often, `report` is a room,
+#: `score` scores what is in memory, and `import` is a word of Python.
+OTHER_NAMES: Final = {
+    "inspect": "open_scene", "report": "write_report", "score": "score_photo",
+    "import": "import_usd",
+}  # fmt: skip
 #: Commands about this installation, and those that serve another program: no functions.
 NO_FUNCTION: Final = {
     "demo", "doctor", "list", "agent list", "agent check", "agent install", "baseline install",
@@ -33,7 +36,6 @@ OF_ONE_COMMAND: Final = {
     "baseline run": {"resume"},  # the default
     "bench export": {"harbor"},  # the only form there is
     "compare": {"joining"},  # legoworld.comparison has joined comparisons
-    "export": {"form"},  # the only form there is
     # of a view
     "inspect": {"scene", "size_wh", "photo", "task", "track", "compare_sources", "output"},
     "trajectory pick": {"scores"},  # of what is printed

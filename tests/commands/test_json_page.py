@@ -103,7 +103,7 @@ def document(name: str, arguments: list[Any]) -> dict[str, Any]:
 #: Commands that need an agent, a network or minutes: their keys are read from their source.
 NOT_CALLED = {
     "agent check", "agent install", "agent list", "baseline install", "baseline run",
-    "bench judges", "bench make", "bench table", "blender finalise", "reconstruct",
+    "bench judges", "bench make", "bench table", "blender finalise", "import", "reconstruct",
     "trajectory pick", "trajectory report", "trajectory score", "trajectory show",
 }  # fmt: skip
 

@@ -25,6 +25,8 @@ from legoworld.commands import (
     sources,
 )
 from legoworld.commands.output import Output
+from legoworld.errors import LegoWorldError
+from legoworld.exports.formats import Written
 from legoworld.records.agents import TrialRow, Usage
 from legoworld.records.frozen import FrozenRow, Verdict
 from legoworld.records.instances import InstanceRow
@@ -196,7 +198,7 @@ def scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> Any:
     monkeypatch.setattr("legoworld.evaluation.family.load_evaluation_family", family)
 
     def go(found: Any, *words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr("legoworld.api.score.score_photo", lambda *_: found)
+        monkeypatch.setattr("legoworld.api.one_photo.score_photo", lambda *_: found)
         arguments = ["score", "scene", "--photo", "a.png", "--truth", "t.json", "--no-cache"]
         code = cli.run([*arguments, *words])
         said = capsys.readouterr()
@@ -254,16 +256,28 @@ def test_a_program_that_stopped_is_said_and_is_in_the_json(scored: Any) -> None:
 def test_what_was_exported_in_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    made = SimpleNamespace(images=[1, 2], annotations=[1])
-    monkeypatch.setattr("legoworld.api.coco_export.export", lambda *_, **__: made)
+    failed: dict[str, LegoWorldError] = {}
+    made = Written(images=2, annotations=1, losses=("its tilt",), failed=failed)
+    monkeypatch.setattr("legoworld.api.exporting.export", lambda *_, **__: made)
     output = tmp_path / "o.json"
     assert cli.run(["export", str(tmp_path), "-o", str(output)]) == 0
-    assert capsys.readouterr().out == f"1 annotation of 2 images -> {output}\n"
+    said = capsys.readouterr()
+    assert said.out == f"1 annotation of 2 images -> {output}\n"
+    assert said.err == "coco does not hold: its tilt\n"
+    failed["cup"] = LegoWorldError("no camera")
+    assert cli.run(["export", str(tmp_path), "-o", str(output)]) == 1
+    assert capsys.readouterr().err.endswith("cup: no camera\n")
+    failed.clear()
     assert cli.run(["export", str(tmp_path), "-o", str(output), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document | {"format": "coco", "output": str(output), "images": 2, "annotations": 1} == (
-        document
-    )
+    assert document | {
+        "format": "coco",
+        "output": str(output),
+        "images": 2,
+        "annotations": 1,
+        "not_held": ["its tilt"],
+        "failed": [],
+    } == (document)
 
 
 def trial(number: int, status: str = "ok", **said: Any) -> TrialRow:

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.exports.bop import visible_bop19
 from legoworld.scene.affine import transform_points
 from legoworld.visibility.kernel import render
 from legoworld.visibility.projection import Projection
@@ -20,8 +21,6 @@ from legoworld.visibility.surfaces import Surfaces
 
 Floats = NDArray[np.float64]
 
-#: How far behind the measured depth a surface counts as visible.
-DELTA_MM: Final = 15.0
 #: Share of the diameter that the farthest point moves between two steps of a continuous symmetry.
 _SYMMETRY_STEP: Final = 0.01
 
@@ -65,8 +64,8 @@ def vsd(
     mine, theirs = (
         _distances(drawn_depth(model, p, photo), photo.intrinsics) for p in (pose, true)
     )
-    true_visible = _visible(measured, theirs)
-    visible = _visible(measured, mine) | (true_visible & (mine > 0))
+    true_visible = visible_bop19(measured, theirs)
+    visible = visible_bop19(measured, mine) | (true_visible & (mine > 0))
     both, either = true_visible & visible, true_visible | visible
     n = int(either.sum())
     if not n:
@@ -100,9 +99,9 @@ def drawn_depth(model: Model, pose: Floats, photo: Photo) -> Floats:
 
 
 def visible_to_bop(photo: Photo, drawn: Floats) -> NDArray[np.bool_]:
-    """The pixels of a drawn model that lie at most DELTA_MM behind what was measured."""
+    """The pixels of a drawn model that lie at most 15 mm behind what was measured."""
     k = photo.intrinsics
-    return _visible(_distances(photo.depth_mm, k), _distances(drawn, k))
+    return visible_bop19(_distances(photo.depth_mm, k), _distances(drawn, k))
 
 
 def symmetries(info: Mapping[str, Any]) -> Floats:
@@ -153,9 +152,3 @@ def _distances(depth: Floats, k: Floats) -> Floats:
     y, x = np.indices(depth.shape)
     rays = ((x - k[0, 2]) / k[0, 0]) ** 2 + ((y - k[1, 2]) / k[1, 1]) ** 2 + 1
     return np.asarray(depth * np.sqrt(rays))
-
-
-def _visible(measured: Floats, drawn: Floats) -> NDArray[np.bool_]:
-    """Where a drawn surface is not behind the measured one; also where nothing was measured."""
-    near = (drawn - measured <= DELTA_MM) | (measured == 0)
-    return np.asarray(near & (drawn > 0))

@@ -56,7 +56,7 @@ def write_case(blend: Path, output: Path, wanted: CaseRequest) -> None:
     scene.camera = scene.objects[wanted["view"]]
     scene.render.resolution_x, scene.render.resolution_y = wanted["size_wh"]
     scene.render.resolution_percentage = 100
-    _show(scene)
+    show_scene(scene)
     pack_images()
     bpy.ops.wm.save_as_mainfile(
         filepath=str(output / "scene.blend"), compress=True, relative_remap=True,
@@ -66,7 +66,7 @@ def write_case(blend: Path, output: Path, wanted: CaseRequest) -> None:
         export_glb(output / "scene.glb")
 
 
-def _show(scene: bpy.types.Scene) -> None:
+def show_scene(scene: bpy.types.Scene) -> None:
     """Have the file's own scene in the window again: it is what a saved file opens with."""
     other = bpy.context.scene
     if other != scene:

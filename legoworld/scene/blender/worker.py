@@ -179,6 +179,25 @@ def _case(request: Request) -> dict[str, Any]:
     return {}
 
 
+def _usd(request: Request) -> dict[str, Any]:
+    """A .blend as USD, written to the output."""
+    from legoworld.scene.blender.usd import export_usd
+
+    export_usd(Path(request["blend"]), Path(request["output"]))
+    return {}
+
+
+def _import(request: Request) -> dict[str, Any]:
+    """A USD file as a .blend, written to the output."""
+    from legoworld.conventions import CATEGORY_KEY
+    from legoworld.scene.blender.usd import import_usd
+    from legoworld.scene.usd_labels import INSTANCE
+
+    layer, output = Path(request["usd"]), Path(request["output"])
+    import_usd(layer, output, (CATEGORY_KEY, INSTANCE), request["metres_per_unit"])
+    return {}
+
+
 def _version(_request: Request) -> dict[str, Any]:
     import bpy
 
@@ -195,6 +214,8 @@ _REQUESTS: dict[str, Callable[[Request], dict[str, Any]]] = {
     "facts": _facts,
     "cases": _cases,
     "case": _case,
+    "usd": _usd,
+    "import": _import,
 }
 
 if __name__ == "__main__":

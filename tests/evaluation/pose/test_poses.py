@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 from evaluation.solids import about_y
-from readouts.level_view import CUBE, FACES, about_z, seen
+from exports.made_views import made_view
+from readouts.level_view import CUBE, FACES, about_z
 
-from legoworld.api.bop_export import write_bop
 from legoworld.evaluation.pose.errors import (
     Model,
     Photo,
@@ -22,6 +22,7 @@ from legoworld.evaluation.pose.errors import (
 )
 from legoworld.evaluation.pose.folder import BopFolder, PoseInputError, read_ply, read_results
 from legoworld.evaluation.pose.score import TAUS, score_poses
+from legoworld.exports.bop import write_views
 
 K = np.array([[100.0, 0, 31.5], [0, 100, 23.5], [0, 0, 1]])
 CUBE_MM = (CUBE * 100).astype(np.float32)
@@ -116,12 +117,13 @@ def test_nothing_visible_of_either_is_an_error_of_one():
 @pytest.fixture
 def dataset(tmp_path):
     """A view of three cubes, one of which hides most of another, as a BOP folder."""
-    made = seen(
-        (about_z(20), (-1.5, 6, 0)),
-        (np.diag([1.0, 1, 2]), (1.5, 6, 0)),
-        (np.eye(3) * 0.5, (1.4, 4, 0.2)),
+    made = made_view(
+        ("turned", "cup", about_z(20), (-1.5, 6, 0)),
+        ("tall", "cup", np.diag([1.0, 1, 2]), (1.5, 6, 0)),
+        ("small", "chair", 0.5, (1.4, 4, 0.2)),
+        shape=(CUBE, FACES),
     )
-    write_bop(made, [0, 1, 2], ["cup", "cup", "chair"], tmp_path / "bop")
+    write_views([made], tmp_path / "bop")
     return tmp_path / "bop"
 
 
@@ -174,11 +176,12 @@ def test_the_folder_holds_what_bop_s_tools_read(dataset):
     of_small = cv2.imread(str(scene / "mask_visib/000000_000002.png"), cv2.IMREAD_UNCHANGED) > 0
     assert depth[of_small].min() * camera["depth_scale"] == pytest.approx(3750, abs=0.2)
     infos = json.loads((scene / "scene_gt_info.json").read_text())["0"]
-    assert infos[0]["visib_fract"] == infos[0]["visible_share"] == 1
-    assert infos[1]["visib_fract"] == pytest.approx(infos[1]["visible_share"])
-    assert infos[1]["visible_share"] < 1
+    shares = [info["exact"]["visible_of_in_frame"] for info in infos]
+    assert infos[0]["visib_fract"] == shares[0] == 1
+    assert infos[1]["visib_fract"] == pytest.approx(shares[1])
+    assert shares[1] < 1
     vertices, triangles = read_ply(dataset / "models/obj_000002.ply")
-    assert vertices.min(axis=0) == pytest.approx([-500, -1000, -500], abs=1e-3)
+    assert vertices.min(axis=0) == pytest.approx([-500, -500, -1000], abs=1e-3)
     assert triangles.shape == (12, 3)
     drawn = drawn_depth(BopFolder(dataset).model(3), np.column_stack(
         [np.reshape(truths[2]["cam_R_m2c"], (3, 3)), truths[2]["cam_t_m2c"]]),

@@ -1,0 +1,54 @@
+"""`legoworld import`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from legoworld.commands import options
+from legoworld.commands.options import option
+from legoworld.commands.output import Output
+from legoworld.commands.param_types import EXISTING_FILE
+from legoworld.pluralize import plural
+
+
+@click.command("import")
+@click.argument("usd", type=EXISTING_FILE)
+@option("--output", "Scene folder, which gets scene.blend.")
+@option("--overwrite", "Replace scene.blend.")
+@options.limits
+@options.printing_json
+def command(
+    usd: Path,
+    output: Path,
+    overwrite: bool,
+    time_limit_s: float,
+    memory_limit_gib: float,
+    out: Output,
+) -> int:
+    """Import a USD file as a scene folder; its semantic labels become categories.
+
+    Labels of UsdSemantics (SemanticsLabelsAPI:class) and of the older SemanticsAPI are read. Only
+    the first camera is kept as the scene's; USD holds no picture size. Needs usd-core.
+
+    \b
+    Examples:
+      legoworld import kitchen.usdc -o scenes/kitchen
+    """
+    from legoworld.api.usd_import import import_usd
+
+    made = import_usd(
+        usd,
+        output,
+        overwrite=overwrite,
+        time_limit_s=time_limit_s,
+        memory_limit_gib=memory_limit_gib,
+    )
+    for lost in made.losses:
+        out.notice(lost)
+    out.show(
+        {"scene": str(output), "labelled": made.labelled, "left_out": list(made.losses)},
+        f"{plural(made.labelled, 'labelled prim', 'labelled prims')} -> {output}",
+    )
+    return 0

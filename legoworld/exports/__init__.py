@@ -1,0 +1,1 @@
+"""Views of scenes as datasets in the formats of others."""
