@@ -37,6 +37,7 @@ ODD: Final[dict[str, tuple[Any, ...]]] = {
     "camera_model": ("pinhole", 7),
     "reference_sampling": (7, []),
     "sky": (7, []),
+    "variant": ("smooth", 7, []),
     "size_wh": NO_SIZES,
     "shard": ((0, 1), (2, 1), 1, (1,), (1.0, 2), ("1", "2"), (True, 2), "1/2"),
     "image_ids": ((-1,), ("1",), (1.5,), (NAN,), 3, "12", (None,), (10**400,)),
@@ -102,7 +103,17 @@ def test_an_odd_value_is_an_error_of_ours(
 
 @pytest.mark.parametrize(
     "name",
-    ["view", "mask", "panoptic", "semantic", "predictions", "targets", "overlay", "save"],
+    [
+        "view",
+        "normals",
+        "mask",
+        "panoptic",
+        "semantic",
+        "predictions",
+        "targets",
+        "overlay",
+        "save",
+    ],
 )
 def test_an_odd_value_of_a_method(
     name: str, scene: legoworld.Scene, view: legoworld.SceneView, tmp_path: Path
@@ -130,7 +141,16 @@ def test_a_reader_refuses_odd_scenes_and_sizes() -> None:
 def test_every_argument_of_the_api_is_checked_or_a_switch() -> None:
     functions = [call for call, _ in CALLS.values()]
     functions += [legoworld.Scene.view, legoworld.Reader.read]
-    methods = ("mask", "panoptic", "semantic", "predictions", "targets", "overlay", "save")
+    methods = (
+        "normals",
+        "mask",
+        "panoptic",
+        "semantic",
+        "predictions",
+        "targets",
+        "overlay",
+        "save",
+    )
     functions += [getattr(legoworld.SceneView, name) for name in methods]
     names = {p.name: p for f in functions for p in inspect.signature(f).parameters.values()}
     switches = {n for n, p in names.items() if p.default is True or p.default is False}

@@ -24,9 +24,9 @@ from legoworld.tracks.vocabulary import Category, Vocabulary
 
 MAPS = [task.name for task in SHIPPED if task.family.name in ("panoptic", "semantic")]
 LABELLED = ["coco", "coco-masks", "amodal", "boxes3d", "lvis", *MAPS]
-TASKS = [*LABELLED, "eth3d", "bench"]
+TASKS = [*LABELLED, "eth3d", "normals", "bench"]
 #: Answers of others are imported until a specialist's card names the task.
-IMPORTED = ("coco-masks", "amodal", "boxes3d", "bench", *MAPS)
+IMPORTED = ("coco-masks", "amodal", "boxes3d", "normals", "bench", *MAPS)
 
 #: Keys that only annotations have, or that are counted from annotations.
 TRUTH_KEYS = {
@@ -271,8 +271,9 @@ def test_a_task_leaves_what_is_for_it(kind, capsys):
     every = listed(capsys, kind)
     by_task = {task: listed(capsys, kind, "--task", task) for task in TASKS}
     if kind == "tasks":
-        every.remove("normals")  # no dataset of it is known, and no baseline: folders are imported
-        every.remove("relations")  # the same, of answers
+        every.remove(
+            "relations"
+        )  # no dataset of it is known, and no baseline: answers are imported
     assert sorted({name for names in by_task.values() for name in names}) == every
     for task, names in by_task.items():
         if not names and kind != "tasks" and task in IMPORTED:
