@@ -151,18 +151,18 @@ def readout(
 
     scenes, output: folders or their URLs; scenes may be one .blend or .glb. task: the name of one
     (`legoworld list tasks`), or several: each scene is then read once for all of them, and
-    output/<task> is the run of each, byte for byte what its task alone gives. track: the images, of several tasks also a folder with
-    a <task>.json of each or a mapping by task; without one every scene folder is an image. source:
-    the file of each scene to read. workers: Blender processes, None for one per core. limit: read
-    the first images only; image_ids: read these images only; shard: (i, n), read every n-th image
-    only, starting at the i-th. images_per_file: divide the predictions into files of this many
-    images. max_side: depth and normals only, longest side of the rendered image in pixels. sky:
-    panoptic and semantic only, category of pixels without geometry, None for VOID. render,
-    render_noise: bench only, whether A's picture is rendered, and a second seed of it. overwrite:
-    delete the results of an earlier run first. fail_fast: stop at the first scene that cannot be
-    read. The limits apply to each Blender process. started: a Blender process already running with
-    these limits; the caller closes it. Results do not depend on workers, engine, cache, shard,
-    limits or started.
+    output/<task> is the run of each, byte for byte what its task alone gives. track: the images, of
+    several tasks also a folder with a <task>.json of each or a mapping by task; without one every
+    scene folder is an image. source: the file of each scene to read. workers: Blender processes,
+    None for one per core. limit: read the first images only; image_ids: read these images only;
+    shard: (i, n), read every n-th image only, starting at the i-th. images_per_file: divide the
+    predictions into files of this many images. max_side: depth and normals only, longest side of
+    the rendered image in pixels. sky: panoptic and semantic only, category of pixels without
+    geometry, None for VOID. render, render_noise: bench only, whether A's picture is rendered, and
+    a second seed of it. overwrite: delete the results of an earlier run first. fail_fast: stop at
+    the first scene that cannot be read. The limits apply to each Blender process. started: a
+    Blender process already running with these limits; the caller closes it. Results do not depend
+    on workers, engine, cache, shard, limits or started.
 
     A scene that cannot be read becomes a row with a status and a reason. Raises UsageError,
     CatalogError, ConfigurationMismatchError (the folder holds a different run), OutputFullError or

@@ -96,7 +96,7 @@ def test_what_a_format_is_not_written_from_is_refused(run, tmp_path):
     assert not is_run(SCENE)
     with pytest.raises(UsageError, match=r"bop is not written from such an input.*coco, kins"):
         export(run, tmp_path / "out", format="bop")
-    with pytest.raises(UsageError, match=r"coco is not written.*kitti, bop, replicator, usd"):
+    with pytest.raises(RunUnusableError, match=r"is a scene folder, not a run"):
         export(SCENE, tmp_path / "out", format="coco")
     with pytest.raises(UsageError, match="a run of coco has no boxes in space"):
         export(run, tmp_path / "out", format="kitti")
