@@ -12,6 +12,7 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 from legoworld.api.exporting import RECORD, export, is_run
 from legoworld.api.scenes import open_scene
 from legoworld.errors import SceneInvalidError, UsageError
+from legoworld.evaluation.run import RunUnusableError
 from legoworld.exports.formats import FORMATS, Format, find_format, writer
 
 SCENE = CHECKOUT / "examples" / "astronaut"
