@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal, TypedDict, Unpack, cast
+from typing import Final, Literal, TypedDict, Unpack, cast, overload
 
 from legoworld.api.arguments import check_arguments
 from legoworld.api.reader import Reader, Reading
 from legoworld.api.scene_view import SceneView
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, Cache, make_limits
 from legoworld.errors import LegoWorldError, UsageError
+from legoworld.evaluation.run import read_run
 from legoworld.exports.formats import (
     DEFAULT_FORMAT,
     FORMAT_NAMES,
     FORMATS,
+    DocumentFormat,
     Format,
     Written,
     find_format,
@@ -55,6 +57,30 @@ class _Scenes:
     failed: dict[str, LegoWorldError] = field(default_factory=dict)
 
 
+@overload
+def export(
+    run_or_scenes: str | Path | Iterable[SceneView],
+    output: str | Path,
+    *,
+    format: DocumentFormat = ...,
+    task: str | None = ...,
+    track: Track | str | Path | None = ...,
+    size_wh: tuple[int, int] | None = ...,
+    overwrite: bool = ...,
+    **given: Unpack[ReaderOptions],
+) -> CocoFile: ...
+@overload
+def export(
+    run_or_scenes: str | Path | Iterable[SceneView],
+    output: str | Path,
+    *,
+    format: str,
+    task: str | None = ...,
+    track: Track | str | Path | None = ...,
+    size_wh: tuple[int, int] | None = ...,
+    overwrite: bool = ...,
+    **given: Unpack[ReaderOptions],
+) -> Written | CocoFile: ...
 @check_arguments
 def export(
     run_or_scenes: str | Path | Iterable[SceneView],
@@ -96,6 +122,8 @@ def export(
     if is_run(source):
         write = _writer(row, "run", f"the run {source.name}")
         return _put(place, format, overwrite, lambda path: write(source, path, track=track), of)
+    if row.views is None:
+        read_run(source)  # says what the folder is instead
     write, folders = _writer(row, "views", f"{source.name}, no run"), _scene_folders(source)
     with Reader(task=task, track=track, workers=1, **given) as reader:
         views = _views(reader.read(folders, size_wh=size_wh), of, given)

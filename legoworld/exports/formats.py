@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from legoworld.errors import LegoWorldError
 
@@ -53,6 +53,8 @@ FORMATS: Final = (
     Format(name="replicator", views="legoworld.exports.replicator:write_views"),
     Format(name="usd", views="legoworld.exports.usd:write_views"),
 )
+#: Those that are one COCO JSON, which `export` then gives.
+DocumentFormat = Literal["coco", "kins"]
 FORMAT_NAMES: Final = tuple(one.name for one in FORMATS)
 DEFAULT_FORMAT: Final = FORMAT_NAMES[0]
 

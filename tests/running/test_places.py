@@ -127,4 +127,4 @@ def test_a_url_that_cannot_be_reached_is_one_line(tmp_path: Path, capsys):
 
 def test_an_empty_url_holds_no_scene(tmp_path: Path, capsys):
     assert readout("memory://nothing/scenes", tmp_path / "run") == 2
-    assert "no scene.blend or scene.glb below scenes" in capsys.readouterr().err
+    assert "no scene.blend or scene.glb below memory://nothing/scenes" in capsys.readouterr().err
