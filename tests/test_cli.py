@@ -253,7 +253,7 @@ def test_shell_completion_is_installed_as_the_page_says(shell, monkeypatch, caps
     [
         ("legoworld re", {"readout", "reconstruct", "report"}),
         ("legoworld readout --ta", {"--task"}),
-        ("legoworld readout --task co", {"coco", "coco-masks"}),
+        ("legoworld readout --task co", {"coco", "coco-masks", "coco-panoptic", "coco-semantic"}),
         ("legoworld baseline i", {"install", "import"}),
     ],
 )

@@ -71,7 +71,6 @@ def command(
     Examples:
       legoworld export runs/coco -o coco.json
       legoworld export runs/amodal --format kins -o truth.json
-      legoworld export runs/masks --format coco --track track.json -o masks.json
       legoworld export scenes --format bop --task lvis -o bop
       legoworld export scenes/coffee --format usd -o usd
     """

@@ -35,6 +35,7 @@ def command(
     \b
     Examples:
       legoworld import kitchen.usdc -o scenes/kitchen
+      legoworld import desk.usda -o scenes/desk --overwrite
     """
     from legoworld.api.usd_import import import_usd
 

@@ -66,7 +66,6 @@ def command(
 
     \b
     Examples:
-      legoworld inspect scenes/000000000139
       legoworld inspect kitchen.blend
       legoworld inspect scenes/coffee --photo coffee.png -o look
       legoworld inspect scenes/coffee --compare-sources --track track.json
