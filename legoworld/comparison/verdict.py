@@ -43,7 +43,7 @@ def verdict_sentences(task: str, pair: Pair) -> list[tuple[str, Standing]]:
     row, coverage = headline_rows(pair)[0], pair.coverage
     images = share(coverage.paired, coverage.attempted, "image", "images")
     name = _NAMES.get(row.metric, row.metric)
-    told = [
+    told: list[tuple[str, Standing]] = [
         (
             f"{noun(task, pair.scene)}: {name} {spelt(row.scene)} against {pair.baseline} "
             f"{spelt(row.baseline)}; difference {spelt(row.difference, signed=True)}, {images} "

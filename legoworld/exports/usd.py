@@ -4,6 +4,9 @@ Taxonomy `class` holds the category, as Replicator asks for it; `instance` the i
 name, equal on all prims of one instance. Units and up axis are the stage's own metadata.
 """
 
+# pxr fills its modules at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping

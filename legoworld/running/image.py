@@ -33,6 +33,7 @@ from legoworld.scene.labels import Labels, labels_in, resolve_labels
 from legoworld.scene.outside_files import leaves_scenes
 from legoworld.scene.read_scene import read_hashed_side_file
 from legoworld.tracks.track import TrackImage
+from legoworld.visibility.normals import Variant
 from legoworld.workers.engines import machine_lost
 from legoworld.workers.scratch import scratch_folder
 
@@ -85,11 +86,12 @@ class SceneReader:
     def _answers(self, questions: Questions, options: Sequence[ImageOptions]) -> Answers:
         """A draw that no task needs anew is made for the first that needs its instances."""
         asked_for = (options[asked.run].normals for asked in questions)
+        wanted: list[Variant] = [one for one in asked_for if one is not None]
         scene = SharedScene(
             questions[0].image.scene,
             options[0],
             self._blender,
-            normals=next((one for one in asked_for if one is not None), None),
+            normals=wanted[0] if wanted else None,
         )
         exact = [options[asked.run].protocol.readout.needs_instances for asked in questions]
         ordered = sorted(zip(questions, exact, strict=True), key=lambda pair: not pair[1])

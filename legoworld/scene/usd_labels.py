@@ -1,5 +1,8 @@
 """The semantic labels of a USD stage, as properties that Blender's importer gives to objects."""
 
+# pxr fills its modules at run time.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -94,7 +94,8 @@ def read_calibration(folder: Path) -> Calibration:
     of_images = _binary_images if binary else _text_images
     cameras = _unique(of_cameras(files[0]), "camera", files[0])
     photos = list(of_images(files[1])) if len(files) > 1 else []
-    camera_ids = _unique(((name, own) for name, own, _ in photos), "photo", files[-1])
+    listed = ((name, own) for name, own, _ in photos)
+    camera_ids = _unique(listed, "photo", files[1]) if len(files) > 1 else {}
     poses = {name: pose for name, _, pose in reversed(photos)}
     poses = {name: poses[name] for name in camera_ids}
     return Calibration(cameras=cameras, camera_ids=camera_ids, poses=poses, files=files)

@@ -24,6 +24,7 @@ bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 6
 camera = bpy.data.objects["Camera"]
 camera.location, camera.rotation_euler = (0, -8, 0), (1.5707963, 0, 0)
 bpy.data.objects["Cube"]["category"] = "chair"
+bpy.data.objects["Cube"].location.x = 0.2
 """
 SAVE = "import bpy, os; bpy.ops.wm.save_as_mainfile(filepath=os.getcwd() + '/scene.blend')"
 ON_REGION = {"kind": "centroid", "entity": "Cube", "region": "chair 1", "tolerance": 0.1}

@@ -99,7 +99,8 @@ def image_sums(
     edges = np.searchsorted(truths.image, np.arange(len(problem.image_ids) + 1)).tolist()
     for k, image_id in enumerate(problem.image_ids.tolist()):
         own = [t for t in range(edges[k], edges[k + 1]) if not truths.ignored[t]]
-        size = entries.sizes_wh[image_id][::-1]
+        width, height = entries.sizes_wh[image_id]
+        size = height, width
         places = problem.detections.entry[[found[t] for t in own if t in found]].tolist()
         yield _sums(
             amodal_masks(true[a] for a in truths.annotation[own].tolist()),

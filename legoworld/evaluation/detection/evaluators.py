@@ -1,5 +1,9 @@
 """The evaluators with a common interface: unmodified pycocotools and lvis, or hotcoco."""
 
+# pycocotools fills its classes at run time, and its stubs know three kinds of IoU.
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportIncompatibleMethodOverride=false
+
 from __future__ import annotations
 
 import contextlib

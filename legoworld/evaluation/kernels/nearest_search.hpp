@@ -251,13 +251,14 @@ private:
     // What of `known` may change a hit: tolerances that are hits at both ends are decided, and so
     // is what the others miss at both.
     Vf undecided(Vf known, int h) const {
-        Vf most{};
+        const Vf nothing = Vf{} - 1.0f;  // a tolerance of 0 is one that may be open, too
+        Vf most = nothing;
         for (int k = 0; k < asked_.count; ++k) {
             const Bounds tau = bounds(known, k, h);
-            most = larger(most, tau.distance <= tau.low ? Vf{} : tau.high);
+            most = larger(most, tau.distance <= tau.low ? nothing : tau.high);
         }
         const Vf limit = smaller(known, most * most * kFloatly + at<Vf>(group_.slack, h));
-        return most > 0.0f ? limit : Vf{} - 1.0f;
+        return most >= 0.0f ? limit : nothing;
     }
 
     Vf least_of(const Leaf &leaf, int h) const {

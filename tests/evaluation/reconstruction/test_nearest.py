@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from evaluation.reconstruction.brute_force import nearest
 from evaluation.reconstruction.datasets import scene
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from legoworld.evaluation.reconstruction.nearest import (
@@ -164,6 +164,7 @@ def test_asked_for_tolerances_the_hits_are_those_of_the_nearest(kind, tolerances
         min_size=1, max_size=4,
     ),
 )  # fmt: skip
+@example(width=14, height=1, seed=2**32 - 2, labels=1, rounded=1, side=9, asked=[(0, 0), (0, 0.25)])
 @settings(max_examples=60, deadline=None)
 def test_hits_of_any_raster_at_any_tolerances(width, height, seed, labels, rounded, side, asked):
     """Depths and tolerances are round, so that many distances equal a tolerance."""

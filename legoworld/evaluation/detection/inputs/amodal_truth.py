@@ -24,10 +24,11 @@ _COCOA: Final[list[Json]] = [{"id": 1, "name": "object"}, {"id": 2, "name": "stu
 
 def coco_document(document: Json, name: str) -> Any:
     """A truth file's content in our form. TruthInvalidError without a visible mask in it."""
-    if not isinstance(document, dict) or not isinstance(document.get("annotations"), list):
+    given = document.get("annotations") if isinstance(document, dict) else None
+    if not isinstance(document, dict) or not isinstance(given, list):
         return document  # refused by who reads it
-    annotations = [a for a in document["annotations"] if isinstance(a, dict)]
-    if len(annotations) < len(document["annotations"]):
+    annotations = [a for a in given if isinstance(a, dict)]
+    if len(annotations) < len(given):
         return document
     if annotations and all("regions" in a for a in annotations):
         annotations = _cocoa_annotations(annotations, name)
