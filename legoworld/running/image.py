@@ -85,13 +85,11 @@ class SceneReader:
 
     def _answers(self, questions: Questions, options: Sequence[ImageOptions]) -> Answers:
         """A draw that no task needs anew is made for the first that needs its instances."""
-        asked_for = (options[asked.run].normals for asked in questions)
-        wanted: list[Variant] = [one for one in asked_for if one is not None]
         scene = SharedScene(
             questions[0].image.scene,
             options[0],
             self._blender,
-            normals=wanted[0] if wanted else None,
+            normals=_normals_of([options[asked.run] for asked in questions]),
         )
         exact = [options[asked.run].protocol.readout.needs_instances for asked in questions]
         ordered = sorted(zip(questions, exact, strict=True), key=lambda pair: not pair[1])
@@ -213,3 +211,11 @@ def _with_side_files(asked: SharedScene, protocol: Protocol) -> SceneOfImage:
         provenance=provenance.value if provenance else None,
         views=asked.views,
     )
+
+
+def _normals_of(options: Sequence[ImageOptions]) -> Variant | None:
+    """Those that a task of the pass asks for; None where none does."""
+    for one in options:
+        if one.normals is not None:
+            return one.normals
+    return None
