@@ -160,6 +160,8 @@ class _Mender:
         entry, truth, iou = map(np.concatenate, zip(*given._pairs, strict=True))
         order = np.argsort(entry, kind="stable")
         self._pairs = entry[order], truth[order], iou[order]
+        #: Predictions that an ignored truth may have taken.
+        self._by_ignored = entry[(iou >= HALF) & self._ignored[truth]]
         self._row = {int(e): row for row, e in enumerate(table.entry)}
         self.base = [
             self._precision(table.state[0][:, rows], n)
@@ -302,9 +304,8 @@ class _Mender:
     def _partial(self, k: int) -> Bools:
         """(D,) of a category's detections: its instances are not all annotated in their image."""
         table, rows = self._table, self._slices[k]
-        entry, truth, iou = self._pairs
-        taken = entry[(iou >= 0.5) & self._ignored[truth]]
-        unmatched = (table.state[0][-1, rows] == IGNORED) & ~np.isin(table.entry[rows], taken)
+        unmatched = table.state[0][-1, rows] == IGNORED
+        unmatched &= ~np.isin(table.entry[rows], self._by_ignored)
         return np.isin(table.image[rows], table.image[rows][unmatched])
 
     def _blocks(
