@@ -198,7 +198,7 @@ AT_HOME = {
     "records/folders/evaluation_folder.py": "packages",
     "report/provenance.py": "packages",
     "records/bench_dataset.py": "a file's own word for what it is",
-    "records/reconstruction_judges.py": "a judge's word for what is judged",
+    "records/bench_results.py": "a judge's word for what is judged",
     "records/formats.py": "a name of a file format",
     "evaluation/reconstruction/articulation_card.py": "a card's own word",
     "commands/bench_command.py": "the command of that name",
@@ -240,10 +240,9 @@ OF_A_DATASET = {
     "api/bench.py": "of the bench's own room",
     "api/coco_export.py": "a file format",
     "records/coco_file.py": "a file format",
-    "records/lvis.py": "its annotations",
     "evaluation/detection/lvis_package.py": "the package of that name",
     "records/bench_dataset.py": "the dataset's files",
-    "records/bench_serving.py": "of the bench's own room",
+    "records/bench_results.py": "of the bench's own room",
 }
 
 

@@ -30,8 +30,7 @@ from rotations import error_deg
 
 from legoworld.plugin.room_fit import fit_box, rays
 from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
-from legoworld.records.plugin_evidence import Rows
-from legoworld.records.plugin_room import Structure
+from legoworld.records.plugin_evidence import Rows, Structure
 
 
 def main() -> int:

@@ -11,9 +11,8 @@ from msgspec.structs import replace
 from legoworld.cards import read_toml
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
-from legoworld.records.agents import Usage
+from legoworld.records.agents import ModelPrice, PriceCardFile, Usage
 from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
-from legoworld.records.prices import ModelPrice, PriceCardFile
 from legoworld.trajectories.transcripts import total_usage
 
 PRICES: Final = Path(__file__).with_name("prices.toml")

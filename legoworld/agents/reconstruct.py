@@ -25,7 +25,7 @@ from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.locks import held_folder
 from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, TrialRow
 from legoworld.records.base import RecordError, decode
-from legoworld.records.plugin_modules import PluginUsed
+from legoworld.records.plugin_install import PluginUsed
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import RECONSTRUCTION

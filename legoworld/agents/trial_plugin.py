@@ -31,7 +31,7 @@ from legoworld.plugin.serve import require_server
 from legoworld.pluralize import plural
 from legoworld.records.agents import PluginCalls
 from legoworld.records.folders.read_run import RUN
-from legoworld.records.plugin_modules import Module, PluginUsed
+from legoworld.records.plugin_install import Module, PluginUsed
 from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Vocabulary

@@ -15,7 +15,7 @@ from legoworld.readouts.instructions import instructions
 from legoworld.readouts.instructions_text import instructions_text
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import decode
-from legoworld.records.plugin_modules import Module
+from legoworld.records.plugin_install import Module
 from legoworld.records.track import PRIVATE_KEYS
 from legoworld.tasks.registry import task_names
 from legoworld.tasks.shipped import BENCH

@@ -27,10 +27,8 @@ from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.files import canonical_json, sha256_of_file, write_text
 from legoworld.records.base import readable, to_record
 from legoworld.records.bench_dataset import PictureCard, RenderCard
-from legoworld.records.bench_serving import ServeAnswer
+from legoworld.records.bench_results import JudgesFile, Leaderboard, ServeAnswer
 from legoworld.records.folders.read_evaluation import EVIDENCE
-from legoworld.records.reconstruction_judges import JudgesFile
-from legoworld.records.reconstruction_leaderboard import Leaderboard
 from legoworld.records.run_rows import RunRow
 from legoworld.running.submission import bench_rules
 from legoworld.tasks.shipped import BENCH

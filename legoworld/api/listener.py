@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from legoworld.records.agents import TrialRow
 from legoworld.records.depth import DepthRow
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction import ReconstructionRow
 from legoworld.records.run_rows import RunRow
 
 

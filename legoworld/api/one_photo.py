@@ -12,9 +12,9 @@ from legoworld.evaluation.family import EvaluationRequest, load_evaluation_famil
 from legoworld.readouts.pictures import read_photo
 from legoworld.readouts.protocol import Protocol, protocol
 from legoworld.records.evaluation_summary import Summary
-from legoworld.records.execution import ExecutionFile
 from legoworld.records.report_page import Advice
 from legoworld.records.run_rows import RunRow
+from legoworld.records.scene_folder import ExecutionFile
 from legoworld.report.document import page_document
 from legoworld.report.page_file import write_page
 from legoworld.report.sources import read_sources

@@ -8,9 +8,8 @@ from pathlib import Path
 from legoworld.api import settings
 from legoworld.api.arguments import check_arguments
 from legoworld.api.listener import SILENT, Listener
-from legoworld.records.execution import ExecutionFile
-from legoworld.records.frozen import FrozenRow
 from legoworld.records.run_rows import RunRow
+from legoworld.records.scene_folder import ExecutionFile, FrozenRow
 from legoworld.running.freeze_run import freeze_scenes
 from legoworld.scene.programs.execution import execute as execute_program
 from legoworld.workers.engines import EngineName, engine_cores

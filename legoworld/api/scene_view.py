@@ -27,8 +27,8 @@ from legoworld.readouts.family import AnsweredImage
 from legoworld.readouts.label_maps import category_map, segment_map
 from legoworld.readouts.protocol import Protocol, load_readout_family
 from legoworld.records.base import as_json, canonical
-from legoworld.records.instances import InstanceRow
 from legoworld.records.predictions import Rle
+from legoworld.records.scene_folder import InstanceRow
 from legoworld.running.inspection import Inspection, write_inspection
 from legoworld.running.source_comparison import SourceComparison, compare_sources
 from legoworld.scene.snapshot import RenderSettings, SceneCamera

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
-from legoworld.records.instances import InstanceRow
+from legoworld.records.scene_folder import InstanceRow
 
 Arrays = Literal["numpy", "torch"]
 

@@ -12,7 +12,7 @@ from legoworld.baselines.cards import BaselineCard
 from legoworld.baselines.environments import ask_python
 from legoworld.records.base import decode
 from legoworld.records.baseline_messages import ChildRequest
-from legoworld.records.execution import Protected
+from legoworld.records.scene_folder import Protected
 from legoworld.workers.bubblewrap import exposable_paths, follow_links
 from legoworld.workers.protections import Confinement, Protections, protections
 

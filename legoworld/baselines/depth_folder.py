@@ -26,7 +26,7 @@ from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.pixels.resampling import size_check
 from legoworld.files import write_npz
 from legoworld.records.base import RecordError, decode, to_record
-from legoworld.records.cameras import CameraEntry
+from legoworld.records.baseline_messages import CameraEntry
 from legoworld.tracks.track import TrackImage
 
 _DECLARE: Final = (

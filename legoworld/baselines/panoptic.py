@@ -23,7 +23,7 @@ from legoworld.readouts.family import answer_file
 from legoworld.readouts.label_maps import id_colors
 from legoworld.records.base import RecordError, decode
 from legoworld.records.baseline_messages import Message
-from legoworld.records.panoptic_file import PanopticAnnotation, PanopticAnswers
+from legoworld.records.coco_file import PanopticAnnotation, PanopticAnswers
 from legoworld.records.repeats import find_repeated
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
 from legoworld.records.run_rows import Segment

@@ -10,7 +10,7 @@ from legoworld.baselines.cards import BaselineCard
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
-from legoworld.records.lvis import VerifiedTruth
+from legoworld.records.coco_file import VerifiedTruth
 from legoworld.records.run_file import UsedTruth
 from legoworld.tasks.registry import task_named
 from legoworld.tracks.track import TrackImage

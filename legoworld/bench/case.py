@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from legoworld.errors import SceneInvalidError
 from legoworld.readouts.joints import part_surfaces
-from legoworld.records.articulation import ReferenceJoint, SceneJoint
 from legoworld.records.base import as_json, to_record
-from legoworld.records.bench_dataset import ScoredObject
+from legoworld.records.bench_dataset import ReferenceJoint, SceneJoint, ScoredObject
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.tracks.vocabulary import normal_name

@@ -16,17 +16,17 @@ from legoworld.errors import LegoWorldError
 from legoworld.files import Json
 from legoworld.readouts.joints import scene_joints
 from legoworld.readouts.surface import pose_m
-from legoworld.records.articulation import ReferenceJoint
 from legoworld.records.base import UNSET
 from legoworld.records.bench_dataset import (
     BenchCamera,
     BenchTruth,
     NoiseFloor,
     PictureCard,
+    ReferenceJoint,
     RenderCard,
     Tier,
 )
-from legoworld.records.labels import LabelsFile
+from legoworld.records.scene_folder import LabelsFile
 from legoworld.running.error_boundary import classify_error
 from legoworld.running.submission import card_render, card_size
 from legoworld.scene.blender_process import BlenderProcess, Limits

@@ -8,7 +8,7 @@ from typing import Final
 from legoworld.errors import NotAssessedError, cause
 from legoworld.files import readable_json, write_text
 from legoworld.records.base import RecordError, decode_lines
-from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
+from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow
 
 _ROWS: Final = "per_image.jsonl"
 

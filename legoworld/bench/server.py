@@ -18,8 +18,8 @@ from legoworld.evaluation.reconstruction.dataset import BenchDataset
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import RecordError, as_json, decode, to_record
-from legoworld.records.bench_serving import ServeAnswer, ServeRequest
-from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
+from legoworld.records.bench_results import ServeAnswer, ServeRequest
+from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow
 from legoworld.records.submission import BenchRow
 from legoworld.running.image import read_image
 from legoworld.running.image_record import ImageOptions

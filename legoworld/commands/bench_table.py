@@ -14,7 +14,7 @@ from legoworld.commands.output import table as output_table
 from legoworld.commands.param_types import EXISTING_FILE, EXISTING_FOLDER, FILE
 
 if TYPE_CHECKING:
-    from legoworld.records.reconstruction_judges import AspectAgreement
+    from legoworld.records.bench_results import AspectAgreement
 
 
 @click.command("table")

@@ -15,7 +15,7 @@ from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FILE, WRITTEN
 
 if TYPE_CHECKING:
-    from legoworld.records.execution import ExecutionFile
+    from legoworld.records.scene_folder import ExecutionFile
 
 
 @click.command("execute")

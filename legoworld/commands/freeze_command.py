@@ -17,7 +17,7 @@ from legoworld.errors import name_on_line
 from legoworld.pluralize import plural, share
 
 if TYPE_CHECKING:
-    from legoworld.records.frozen import FrozenRow
+    from legoworld.records.scene_folder import FrozenRow
 
 
 @click.command("freeze")

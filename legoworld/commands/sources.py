@@ -11,7 +11,7 @@ from legoworld.commands.output import Output, table
 from legoworld.pluralize import plural, word_for
 
 if TYPE_CHECKING:
-    from legoworld.records.instances import InstanceRow
+    from legoworld.records.scene_folder import InstanceRow
     from legoworld.running.source_comparison import Pair, SourceComparison
 
 

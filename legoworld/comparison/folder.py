@@ -27,10 +27,11 @@ from legoworld.records.evidence import (
     ComparisonEvidence,
     ComparisonSettings,
     Input,
+    MethodEvidence,
     PairedNumbers,
     PairEvidence,
+    load_record_family,
 )
-from legoworld.records.families import load_record_family
 from legoworld.records.folders.evaluation_folder import input_file, installed_versions
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
 from legoworld.tables.files import FORMATS
@@ -53,7 +54,7 @@ class ComparisonFolderError(LegoWorldError):
 
 
 def prepare_folder(
-    folder: Path, evidence: AnyEvidence | ComparisonEvidence, *, overwrite: bool
+    folder: Path, evidence: AnyEvidence | ComparisonEvidence[MethodEvidence], *, overwrite: bool
 ) -> None:
     """Create the folder; refuse one that holds a different comparison or anything else.
 
@@ -85,7 +86,7 @@ def prepare_folder(
         )
 
 
-def _depends_on(evidence: AnyEvidence | ComparisonEvidence) -> dict[str, Any]:
+def _depends_on(evidence: AnyEvidence | ComparisonEvidence[MethodEvidence]) -> dict[str, Any]:
     """The options and input hashes (by role) that determine a comparison."""
     hashes: dict[str, list[str]] = {}
     for entry in evidence.inputs:
@@ -96,7 +97,7 @@ def _depends_on(evidence: AnyEvidence | ComparisonEvidence) -> dict[str, Any]:
 def write_comparison(
     folder: Path,
     document: Comparison | JoinedComparison,
-    evidence: AnyEvidence | ComparisonEvidence,
+    evidence: AnyEvidence | ComparisonEvidence[MethodEvidence],
     *,
     overwrite: bool,
 ) -> None:
@@ -149,7 +150,7 @@ def read_comparison(path: Path) -> Comparison | JoinedComparison:
 
 def initial_evidence(
     folder: Path, sides: Sequence[StoredEvaluation], settings: ComparisonSettings
-) -> ComparisonEvidence:
+) -> ComparisonEvidence[MethodEvidence]:
     """evidence.json before anything is computed: the evaluations and their raw numbers.
 
     `paired_evidence` completes it.
@@ -162,7 +163,7 @@ def initial_evidence(
         "files": {},
     }
     records = load_record_family(sides[0].task)
-    return records.comparison(**common, methods=_raw(sides, records.method))
+    return ComparisonEvidence(**common, methods=_raw(sides, records.method))
 
 
 def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:

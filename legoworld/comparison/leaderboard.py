@@ -19,14 +19,14 @@ from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.files import sha256_of_file, write_text
 from legoworld.pluralize import plural
 from legoworld.records.base import readable
-from legoworld.records.folders.read_evaluation import EVIDENCE
-from legoworld.records.reconstruction_leaderboard import (
+from legoworld.records.bench_results import (
     Leaderboard,
     LeaderboardGroup,
     LeaderboardRow,
     Repeated,
 )
-from legoworld.records.reconstruction_summary import Means
+from legoworld.records.folders.read_evaluation import EVIDENCE
+from legoworld.records.reconstruction import Means
 from legoworld.tables.files import FORMATS
 from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.tasks.shipped import BENCH

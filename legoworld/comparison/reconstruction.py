@@ -15,7 +15,7 @@ from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images, Level
 from legoworld.records.evidence import ComparisonSettings
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction import ReconstructionRow
 
 UNIT: Final = "family"
 _HEADLINE: Final = ("V", "R", "A", "S")

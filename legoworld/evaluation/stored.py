@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from legoworld.records.depth import DepthRow, DepthSummary
     from legoworld.records.evaluation_rows import DetectionRow
     from legoworld.records.evaluation_summary import DetectionSummary
-    from legoworld.records.reconstruction_rows import ReconstructionRow
-    from legoworld.records.reconstruction_summary import ReconstructionSummary
+    from legoworld.records.reconstruction import ReconstructionRow, ReconstructionSummary
 
 T = TypeVar("T")
 RUN_VIEW: Final = f"{VIEW}/run.json"

@@ -22,12 +22,7 @@ from legoworld.plugin.remaining_work import standing_requirements
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
 from legoworld.records.base import as_json, canonical, to_record
-from legoworld.records.plugin_ledger import (
-    Declaration,
-    Entry,
-    Judgement,
-    TransactionLimits,
-)
+from legoworld.records.plugin_ledger import Declaration, Entry, Judgement, TransactionLimits
 from legoworld.records.plugin_requirements import Luminance, Report, Requirement
 from legoworld.records.plugin_state import Change, SceneState
 

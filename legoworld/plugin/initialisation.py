@@ -17,7 +17,7 @@ from legoworld.plugin.room_install import face_entities
 from legoworld.plugin.state import LiveScene
 from legoworld.readouts.pictures import Rgb, png_bytes
 from legoworld.records.base import readable
-from legoworld.records.plugin_room import ConstructionPlan, Room, Structure
+from legoworld.records.plugin_evidence import ConstructionPlan, Room, Structure
 
 #: Shades of the faces in the order of `FACES`, and of what is open.
 _SHADES: Final = np.array(

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Final, get_args
 
 from legoworld.errors import UsageError
-from legoworld.records.plugin_modules import Module
+from legoworld.records.plugin_install import Module
 
 MODULES: Final[tuple[Module, ...]] = get_args(Module)
 #: A tool belongs to one module; those of none are always there. The ledger is always written: the

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from legoworld.escaping import markdown_cell
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.residuals import SMALLEST_PX, measure_shape
-from legoworld.records.plugin_evidence import Region
-from legoworld.records.plugin_room import ConstructionPlan, PlannedObject, Structure
+from legoworld.records.plugin_evidence import ConstructionPlan, PlannedObject, Region, Structure
 
 Mask = NDArray[np.bool_]
 CutBy = Literal["left", "top", "right", "bottom"]

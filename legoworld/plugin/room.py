@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from legoworld.errors import LegoWorldError
 from legoworld.plugin.evidence import Evidence, EvidenceInvalidError
 from legoworld.plugin.room_fit import FACES, WALLS, fit_box, rays, seen_face
-from legoworld.records.plugin_room import FaceName, Room, RoomFace, Structure
+from legoworld.records.plugin_evidence import FaceName, Room, RoomFace, Structure
 
 #: A room that explains fewer of its labelled pixels is none.
 LEAST_AGREEMENT: Final = 0.9

@@ -17,8 +17,7 @@ from typing import Final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.records.plugin_evidence import Rows
-from legoworld.records.plugin_room import FaceName, RoomFace, Structure
+from legoworld.records.plugin_evidence import FaceName, RoomFace, Rows, Structure
 
 FACES: Final[tuple[FaceName, ...]] = get_args(FaceName)
 WALLS: Final[tuple[FaceName, ...]] = ("left", "right", "far", "near")

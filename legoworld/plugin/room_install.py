@@ -16,9 +16,9 @@ from legoworld.plugin.measure import surface_view
 from legoworld.plugin.room import corners_m, known_faces, shell_view
 from legoworld.plugin.room_fit import FACES
 from legoworld.plugin.state import LiveScene
+from legoworld.records.plugin_evidence import FaceName, Room
 from legoworld.records.plugin_ledger import Declaration
 from legoworld.records.plugin_requirements import Existence
-from legoworld.records.plugin_room import FaceName, Room
 from legoworld.visibility.camera import projection
 
 SHELL: Final = "Room shell"

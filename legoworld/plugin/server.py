@@ -14,8 +14,8 @@ from legoworld.plugin.server_answers import JsonObject, answer, decode_arguments
 from legoworld.plugin.server_final_steps import add_finishing, kept_pictures
 from legoworld.plugin.server_initialisation import add_initialisation
 from legoworld.records.base import as_json
+from legoworld.records.plugin_install import Module
 from legoworld.records.plugin_ledger import Declaration
-from legoworld.records.plugin_modules import Module
 from legoworld.records.plugin_requirements import Requirement
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.room import assign_structures
 from legoworld.plugin.server_answers import JsonObject, answer, decode_arguments, one_at_a_time
 from legoworld.records.base import as_json
-from legoworld.records.plugin_room import Structure
+from legoworld.records.plugin_evidence import Structure
 
 if TYPE_CHECKING:
     from mcp.server import MCPServer

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from legoworld.conventions import NO_INSTANCE
 from legoworld.errors import LegoWorldError
 from legoworld.files import atomic_path, open_regular
-from legoworld.records.instances import InstanceRow
+from legoworld.records.scene_folder import InstanceRow
 from legoworld.scene.pictures import FORMATS, MOST_PHOTO_PX, decoded_picture
 from legoworld.visibility.cuboids import EDGES
 

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any, Final
 
 from legoworld.readouts.relation_facts import TOUCH_M
-from legoworld.records.questions import Designator, Which
 from legoworld.records.relations import FactObject, FactPairs, Facts
+from legoworld.records.track import Designator, Which
 
 #: The share of a thing in another's convex hull from which it is inside of it.
 INSIDE: Final = 0.95

@@ -1,4 +1,4 @@
-"""Agents: their cards, the steps that `program` plays, and what became of a trial."""
+"""Agents: their cards, the steps that `program` plays, what became of a trial, and prices."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import msgspec
 from msgspec import Meta
 
 from legoworld.records.base import Record
-from legoworld.records.execution import Protected
-from legoworld.records.plugin_modules import PluginUsed
+from legoworld.records.plugin_install import PluginUsed
+from legoworld.records.scene_folder import Protected
 
 TranscriptFormat = Literal["atif", "codex", "claude", "gemini", "opencode"]
 McpFormat = Literal["mcp_servers", "codex", "opencode"]
@@ -215,3 +215,28 @@ class TrialRow(Record, frozen=True, kw_only=True):
     checkpoints: int = 0
     usage: Usage = Usage()
     kept: bool = False
+
+
+_Price = Annotated[float, Meta(ge=0)]
+
+
+class ModelPrice(Record, frozen=True, kw_only=True):
+    """[[model]]: one price in US dollars a million tokens.
+
+    names: as transcripts and --model have them; source: the page it is from. Only for models whose
+    price does not depend on the length of a request: a trial's totals do not tell that.
+    """
+
+    names: Annotated[tuple[str, ...], Meta(min_length=1)]
+    source: str
+    input_usd: _Price
+    cached_input_usd: _Price
+    output_usd: _Price
+
+
+class PriceCardFile(Record, frozen=True, kw_only=True):
+    """prices.toml. date: when the sources were read."""
+
+    title: str
+    date: Annotated[str, Meta(pattern=r"^\d{4}-\d{2}-\d{2}$")]
+    model: tuple[ModelPrice, ...] = ()

@@ -1,4 +1,7 @@
-"""What legoworld and a baseline's process say to each other, one line of JSON each."""
+"""What legoworld and a baseline's process say to each other, one line of JSON each.
+
+`CameraEntry`: --intrinsics of a depth import, the pinholes that ray distances were measured from.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from msgspec import Meta, field
 
 from legoworld.records.base import Record
 from legoworld.records.cards import OptionValue
+from legoworld.records.track import Pixels
 
 
 class RequestedImage(Record, frozen=True, kw_only=True):
@@ -97,3 +101,17 @@ class Message(Record, frozen=True, kw_only=True):
     failed: str | None = None
     counts: dict[str, int] | None = None
     done: bool = False
+
+
+Focal = Annotated[float, Meta(gt=0)]
+
+
+class CameraEntry(Record, frozen=True, kw_only=True):
+    """A pinhole in pixels. width, height: of the array it is for, where that is another size."""
+
+    fx: Focal
+    fy: Focal
+    cx: float
+    cy: float
+    width: Pixels | None = None
+    height: Pixels | None = None

@@ -1,10 +1,19 @@
-"""What `legoworld export --format coco` writes: a whole dataset file of predictions."""
+"""Files in COCO's form: what `legoworld export --format coco` writes, and two of others.
+
+Those are LVIS's verified categories, and panopticapi's JSON (ground truth, or answers), of which a
+folder has the PNGs.
+"""
 
 from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_view import Segmentation
 from legoworld.records.predictions import Box, Number
+from legoworld.records.track import CategoryInfo, Id, ImageInfo
 
 
 class CocoInfo(Record, frozen=True, kw_only=True):
@@ -70,3 +79,54 @@ class CocoFile(Record, frozen=True, kw_only=True):
     images: tuple[CocoImage, ...]
     annotations: tuple[CocoAnnotation, ...]
     categories: tuple[CocoCategory, ...]
+
+
+class VerifiedImage(Record, frozen=True, kw_only=True):
+    """An image and the categories known to be absent from it."""
+
+    id: int
+    neg_category_ids: tuple[int, ...]
+
+
+class VerifiedAnnotation(Record, frozen=True, kw_only=True):
+    """That a category is on an image."""
+
+    image_id: int
+    category_id: int
+
+
+class VerifiedTruth(Record, frozen=True, kw_only=True):
+    """Everything that was verified."""
+
+    images: tuple[VerifiedImage, ...]
+    annotations: tuple[VerifiedAnnotation, ...]
+
+
+class SegmentInfo(Record, frozen=True, kw_only=True):
+    """One segment. area: of the truth; of an answer the PNG decides."""
+
+    id: Annotated[int, Meta(ge=1, lt=1 << 24)]
+    category_id: int
+    area: int = 0
+    iscrowd: Literal[0, 1] = 0
+
+
+class PanopticAnnotation(Record, frozen=True, kw_only=True):
+    """One image. file_name: of its PNG, below the folder."""
+
+    image_id: Id
+    file_name: str
+    segments_info: tuple[SegmentInfo, ...]
+
+
+class PanopticAnswers(Record, frozen=True, kw_only=True):
+    """Somebody's answers."""
+
+    annotations: tuple[PanopticAnnotation, ...]
+
+
+class PanopticTruthFile(PanopticAnswers, frozen=True, kw_only=True):
+    """Ground truth, such as panoptic_val2017.json."""
+
+    images: Annotated[tuple[ImageInfo, ...], Meta(min_length=1)]
+    categories: Annotated[tuple[CategoryInfo, ...], Meta(min_length=1)]

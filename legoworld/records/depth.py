@@ -11,12 +11,11 @@ from typing import Final
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_summary import Coverage, DepthRules
 from legoworld.records.evidence import (
-    ComparisonEvidence,
     EvaluationEvidence,
     MethodEvidence,
+    RecordFamily,
     ScoreConfiguration,
 )
-from legoworld.records.families import RecordFamily
 from legoworld.records.pixels import Means, Metrics, PixelRow, PixelSummary, pixel_rows
 
 #: Statuses of images that have numbers; every other status has none.
@@ -132,16 +131,9 @@ class DepthMethod(MethodEvidence, frozen=True, kw_only=True):
     metrics: Means
 
 
-class DepthComparison(ComparisonEvidence, frozen=True, kw_only=True):
-    """Of a comparison of depth."""
-
-    methods: tuple[DepthMethod, ...]
-
-
 RECORDS: Final = RecordFamily(
     summary=DepthSummary,
     rows=partial(pixel_rows, unscored=DepthRow, scored=ScoredDepthRow, statuses=SCORED),
     evidence=DepthEvidence,
-    comparison=DepthComparison,
     method=DepthMethod,
 )

@@ -9,12 +9,11 @@ from legoworld.records.base import Record, decode_lines
 from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.records.evaluation_summary import DetectionCoverage, DetectionSummary
 from legoworld.records.evidence import (
-    ComparisonEvidence,
     EvaluationEvidence,
     MethodEvidence,
+    RecordFamily,
     ScoreConfiguration,
 )
-from legoworld.records.families import RecordFamily
 
 
 class DetectionConfiguration(ScoreConfiguration, frozen=True, kw_only=True):
@@ -78,16 +77,9 @@ class DetectionMethod(MethodEvidence, frozen=True, kw_only=True):
     equal_confidence: EqualScores
 
 
-class DetectionComparison(ComparisonEvidence, frozen=True, kw_only=True):
-    """Of a comparison of boxes or masks."""
-
-    methods: tuple[DetectionMethod, ...]
-
-
 RECORDS: Final = RecordFamily(
     summary=DetectionSummary,
     rows=partial(decode_lines, DetectionRow),
     evidence=DetectionEvidence,
-    comparison=DetectionComparison,
     method=DetectionMethod,
 )

@@ -1,14 +1,25 @@
-"""evidence.json: the hashes of what a folder holds and was made from, and its raw numbers."""
+"""evidence.json: the hashes of what a folder holds and was made from, and its raw numbers.
+
+A `RecordFamily` says which record each file of an evaluation is.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.errors import LegoWorldError
+from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode
 from legoworld.records.comparison import KIND, PairHead
+from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import (
     Coverage,
     Evaluator,
+    Summary,
 )
+from legoworld.tasks.registry import find_family
 
 
 class HashedInput(Record, frozen=True, kw_only=True):
@@ -80,6 +91,9 @@ class MethodEvidence(Record, frozen=True, kw_only=True):
     inputs: tuple[HashedInput, ...]
 
 
+M = TypeVar("M", bound=MethodEvidence)
+
+
 class ComparisonSettings(Record, frozen=True, kw_only=True):
     """What the numbers of a comparison depend on besides the evaluations."""
 
@@ -102,11 +116,57 @@ class PairEvidence(PairHead, frozen=True, kw_only=True):
     paired_metrics: dict[str, PairedNumbers]
 
 
-class ComparisonEvidence(Evidence, frozen=True, kw_only=True):
-    """Of a comparison. pairs: filled in when the numbers are made."""
+class ComparisonEvidence(Evidence, Generic[M], frozen=True, kw_only=True):
+    """Of a comparison. M: a side's, by its family; pairs: filled in when the numbers are made."""
 
     kind: str = KIND
     task: str
     configuration: ComparisonSettings
-    methods: tuple[MethodEvidence, ...]
+    methods: tuple[M, ...]
     pairs: tuple[PairEvidence, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordFamily:
+    """The records of a family's evaluations and comparisons.
+
+    rows: the lines of per_image.jsonl, RecordError for others. A file does not name its family:
+    its task does.
+    """
+
+    summary: type[Summary]
+    rows: Callable[[bytes], Sequence[EvaluationRow]]
+    evidence: type[EvaluationEvidence]
+    method: type[MethodEvidence] = MethodEvidence
+
+
+class _OfTask(Record, frozen=True, kw_only=True):
+    task: str
+
+
+def load_record_family(task: str) -> RecordFamily:
+    """The records of a task. UsageError, InstallationError."""
+    return find_family(task).load("records", RecordFamily)
+
+
+def decode_summary(data: bytes) -> Summary:
+    """The content of a summary.json, by its task. RecordError."""
+    return decode(_records_in(data).summary, data)
+
+
+def decode_evidence(data: bytes) -> EvaluationEvidence:
+    """The content of an evaluation's evidence.json, by its task. RecordError."""
+    return decode(_records_in(data).evidence, data)
+
+
+def decode_rows(data: bytes, summary: Summary) -> Sequence[EvaluationRow]:
+    """The lines of a per_image.jsonl, by the task of its summary. RecordError."""
+    return load_record_family(summary.task).rows(data)
+
+
+def _records_in(data: bytes) -> RecordFamily:
+    task = decode(_OfTask, data).task
+    try:
+        return load_record_family(task)
+    except LegoWorldError as error:
+        raise RecordError(str(error)) from error

@@ -22,8 +22,8 @@ class Format:
 
 #: What `legoworld list formats` lists; docs/formats.md is made from it.
 FORMATS: Final[Mapping[str, Format]] = {
-    "bench-judgement": Format("a line of JUDGEMENTS.jsonl", "reconstruction_judges:Judgement"),
-    "bench-leaderboard": Format("leaderboard.json", "reconstruction_leaderboard:Leaderboard"),
+    "bench-judgement": Format("a line of JUDGEMENTS.jsonl", "bench_results:Judgement"),
+    "bench-leaderboard": Format("leaderboard.json", "bench_results:Leaderboard"),
     "bench-run-per-image": Format("a line of RUN/per_image.jsonl, bench", "submission:BenchRow"),
     "bench-track": Format("DATASET/public/track.json", "bench_dataset:BenchTrackFile"),
     "bench-truth": Format("DATASET/private/truth.json", "bench_dataset:BenchTruthFile"),
@@ -50,7 +50,7 @@ FORMATS: Final[Mapping[str, Format]] = {
         "a line of EVALUATION/per_category.jsonl", "evaluation_rows:CategoryRow"
     ),
     "evaluation-per-image-bench": Format(
-        "a line of EVALUATION/per_image.jsonl, bench", "reconstruction_rows:ReconstructionRow"
+        "a line of EVALUATION/per_image.jsonl, bench", "reconstruction:ReconstructionRow"
     ),
     "evaluation-per-image-depth": Format(
         "a line of EVALUATION/per_image.jsonl, depth, not scored",
@@ -76,7 +76,7 @@ FORMATS: Final[Mapping[str, Format]] = {
         "a line of EVALUATION/per_image.jsonl, relations", "relations:RelationsRow"
     ),
     "evaluation-summary-bench": Format(
-        "EVALUATION/summary.json, bench", "reconstruction_summary:ReconstructionSummary"
+        "EVALUATION/summary.json, bench", "reconstruction:ReconstructionSummary"
     ),
     "evaluation-summary-depth": Format("EVALUATION/summary.json, depth", "depth:DepthSummary"),
     "evaluation-summary-detection": Format(
@@ -92,10 +92,10 @@ FORMATS: Final[Mapping[str, Format]] = {
     "evaluation-summary-relations": Format(
         "EVALUATION/summary.json, relations", "relations:RelationsSummary"
     ),
-    "execution": Format("SCENE/execution.json", "execution:ExecutionFile"),
-    "frozen": Format("SCENE/frozen.json", "frozen:FrozenFile"),
-    "instances": Format("instances.json of `legoworld inspect`", "instances:InstancesFile"),
-    "labels": Format("SCENE/labels.json", "labels:LabelsFile"),
+    "execution": Format("SCENE/execution.json", "scene_folder:ExecutionFile"),
+    "frozen": Format("SCENE/frozen.json", "scene_folder:FrozenFile"),
+    "instances": Format("instances.json of `legoworld inspect`", "scene_folder:InstancesFile"),
+    "labels": Format("SCENE/labels.json", "scene_folder:LabelsFile"),
     "plugin-camera": Format("CAMERA.json, camera.json", "plugin_evidence:ProviderCamera"),
     "plugin-evidence": Format("EVIDENCE/evidence.json", "plugin_evidence:EvidenceFile"),
     "plugin-hooks": Format("a line of LEDGER/hooks.jsonl", "plugin_ledger:HookMark"),
@@ -104,9 +104,9 @@ FORMATS: Final[Mapping[str, Format]] = {
     ),
     "plugin-ledger": Format("a line of LEDGER/ledger.jsonl", "plugin_ledger:Entry"),
     "plugin-outlines": Format("OUTLINES.json", "plugin_evidence:Outlines"),
-    "plugin-plan": Format("LEDGER/initial/plan.json", "plugin_room:ConstructionPlan"),
+    "plugin-plan": Format("LEDGER/initial/plan.json", "plugin_evidence:ConstructionPlan"),
     "plugin-report": Format("answer of the plugin's `measure`", "plugin_requirements:Report"),
-    "plugin-room": Format("LEDGER/initial/room.json", "plugin_room:Room"),
+    "plugin-room": Format("LEDGER/initial/room.json", "plugin_evidence:Room"),
     "plugin-state": Format("state of the scene, in the ledger's folder", "plugin_state:SceneState"),
     "plugin-transaction": Format("request of the plugin's `begin`", "plugin_ledger:Declaration"),
     "reconstruction": Format("SCENE/reconstruction.json", "agents:ReconstructionFile"),
@@ -115,7 +115,7 @@ FORMATS: Final[Mapping[str, Format]] = {
     "run-prediction": Format("an entry of RUN/predictions.json", "predictions:Prediction"),
     "run-summary": Format("RUN/summary.json", "run_file:RunSummary"),
     "track": Format("TRACK.json", "track:TrackFile"),
-    "trajectories": Format("trajectories.json", "trajectory_scores:TrajectoryFile"),
+    "trajectories": Format("trajectories.json", "trajectories:TrajectoryFile"),
 }
 
 

@@ -10,12 +10,11 @@ from legoworld.records.base import Record, decode_lines
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Interval, MetricValue, Summary, Values
 from legoworld.records.evidence import (
-    ComparisonEvidence,
     EvaluationEvidence,
     MethodEvidence,
+    RecordFamily,
     ScoreConfiguration,
 )
-from legoworld.records.families import RecordFamily
 
 
 class MatchedSegment(Record, frozen=True, kw_only=True):
@@ -98,12 +97,6 @@ class LabelMapMethod(MethodEvidence, frozen=True, kw_only=True):
     metrics: Values
 
 
-class LabelMapComparison(ComparisonEvidence, frozen=True, kw_only=True):
-    """Of a comparison of label maps."""
-
-    methods: tuple[LabelMapMethod, ...]
-
-
 class LabelMapView(Record, frozen=True, kw_only=True):
     """view/ID.json: small pictures of ground truth, answer and where their categories agree.
 
@@ -120,6 +113,5 @@ RECORDS: Final = RecordFamily(
     summary=LabelMapSummary,
     rows=partial(decode_lines, LabelMapRow),
     evidence=LabelMapEvidence,
-    comparison=LabelMapComparison,
     method=LabelMapMethod,
 )

@@ -10,12 +10,11 @@ from typing import Final
 
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evidence import (
-    ComparisonEvidence,
     EvaluationEvidence,
     MethodEvidence,
+    RecordFamily,
     ScoreConfiguration,
 )
-from legoworld.records.families import RecordFamily
 from legoworld.records.pixels import Means, Metrics, PixelRow, PixelSummary, pixel_rows
 
 
@@ -115,16 +114,9 @@ class NormalsMethod(MethodEvidence, frozen=True, kw_only=True):
     metrics: Means
 
 
-class NormalsComparison(ComparisonEvidence, frozen=True, kw_only=True):
-    """Of a comparison of normals."""
-
-    methods: tuple[NormalsMethod, ...]
-
-
 RECORDS: Final = RecordFamily(
     summary=NormalsSummary,
     rows=partial(pixel_rows, unscored=NormalsRow, scored=ScoredNormalsRow, statuses=("ok",)),
     evidence=NormalsEvidence,
-    comparison=NormalsComparison,
     method=NormalsMethod,
 )

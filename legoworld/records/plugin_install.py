@@ -1,10 +1,23 @@
-"""legoworld-plugin.json: what `plugin install` put into a harness's settings, to take it out."""
+"""The plugin's parts that can be off, and legoworld-plugin.json, the record of `plugin install`."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from legoworld.records.base import Record
+
+Module = Literal["evidence", "initialisation", "measurement", "transactions", "records"]
+
+
+class PluginUsed(Record, frozen=True, kw_only=True):
+    """`plugin` of provenance.json: the plugin a scene was built with. modules: those that were on.
+
+    Without the plugin the field is null.
+    """
+
+    name: Literal["legoworld"] = "legoworld"
+    version: str
+    modules: tuple[Module, ...]
 
 
 class SettingsChange(Record, frozen=True, kw_only=True):

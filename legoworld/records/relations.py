@@ -11,9 +11,8 @@ from msgspec import Meta, field
 from legoworld.records.base import UNSET, Record, UnsetType, decode_lines
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Interval, MetricValue, Summary
-from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
-from legoworld.records.families import RecordFamily
-from legoworld.records.questions import Answered, Box, Question, ShownQuestion
+from legoworld.records.evidence import EvaluationEvidence, RecordFamily, ScoreConfiguration
+from legoworld.records.track import Answered, Box, Question, ShownQuestion
 
 Vector = tuple[float, float, float]
 Column = tuple[float, ...]

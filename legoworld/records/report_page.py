@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.questions import ShownQuestion
+from legoworld.records.track import ShownQuestion
 
 #: (name, text) lines.
 Facts = tuple[tuple[str, str], ...]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from legoworld.records.base import Record
-from legoworld.records.reconstruction_leaderboard import Leaderboard
-from legoworld.records.reconstruction_rows import FlagKind, PrecisionRecall
+from legoworld.records.bench_results import Leaderboard
+from legoworld.records.reconstruction import FlagKind, PrecisionRecall
 from legoworld.records.report_page import Answer, DrawnTruth, PageView, PhotoCell, PhotoRow
 
 

@@ -9,9 +9,9 @@ from msgspec import field
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.bench_dataset import RenderCard
 from legoworld.records.cards import OptionValue
-from legoworld.records.execution import Protected
 from legoworld.records.predictions import Number, Prediction
 from legoworld.records.run_rows import RunRow
+from legoworld.records.scene_folder import Protected
 
 
 class WholeRun(Record, frozen=True, kw_only=True):

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.bench_dataset import SceneJoint
 from legoworld.records.evaluation_rows import ImageRow
 from legoworld.records.submission import (
     Integrity,

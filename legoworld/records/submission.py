@@ -14,9 +14,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from legoworld.records.articulation import SceneJoint
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.bench_dataset import Pose
+from legoworld.records.bench_dataset import Pose, SceneJoint
 
 Size = tuple[int, int]
 

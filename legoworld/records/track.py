@@ -1,4 +1,4 @@
-"""A track's file: COCO "image info" JSON, the public half of a dataset."""
+"""A track's file: COCO "image info" JSON, the public half of a dataset, with its questions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,53 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.questions import Question
+
+Box = tuple[int | float, int | float, int | float, int | float]
+Which = Literal["", "leftmost", "rightmost", "closest", "farthest"]
+
+
+class Designator(Record, frozen=True, kw_only=True):
+    """A thing as a question names it. which: among several of its category."""
+
+    category: str
+    which: Which = ""
+
+
+Kind = Literal["yes_no", "choice", "count", "number", "refer"]
+Answered = bool | int | float | str | Box
+
+
+class Question(Record, frozen=True, kw_only=True):
+    """One question about a picture, without its answer.
+
+    kind: of the answer: true or false, one of the options, a whole number, metres, or a box x, y,
+    width, height in pixels. relation: what is asked; a, b: the things it names; options: what a
+    choice is among. any: whether it holds of any two things of these categories; frame: an object's
+    own frame of reference, UNSET for the picture's.
+    """
+
+    id: str
+    image_id: int
+    kind: Kind
+    relation: str
+    text: str
+    a: Designator
+    b: Designator | None = None
+    options: tuple[Designator, ...] = ()
+    any: bool | UnsetType = UNSET
+    frame: str | UnsetType = UNSET
+
+
+class ShownQuestion(Record, frozen=True, kw_only=True):
+    """A question as a page shows it. boxes: of the things it names, where they are known."""
+
+    id: str
+    text: str
+    truth: str
+    answer: str
+    score: float | None
+    boxes: tuple[Box, ...]
+
 
 #: Ids above 2**53 lose digits where JSON numbers are read as doubles.
 LARGEST_ID: Final = 2**53

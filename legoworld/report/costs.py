@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from legoworld.pluralize import plural
-from legoworld.records.report_summary import Cost, SideCosts
+from legoworld.records.report_tables import Cost, SideCosts
 from legoworld.report.mended_ap import ErrorKey, MendedAp
 
 #: How many are named of one side, and of each where there are several.

@@ -13,7 +13,7 @@ from legoworld.evaluation.pixels.view import decoded
 from legoworld.records.depth import ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing
-from legoworld.records.report_summary import Plots
+from legoworld.records.report_tables import Plots
 from legoworld.report.plots import DepthPixels
 
 #: The code of a pixel without depth.

@@ -15,8 +15,7 @@ from legoworld.records.report_page import (
     DetectionPageView,
     PhotoRow,
 )
-from legoworld.records.report_summary import Plots
-from legoworld.records.report_tables import ErrorCounts, PageSection
+from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
 from legoworld.report.costs import side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images

@@ -16,8 +16,8 @@ from legoworld.comparison.verdict import noun, verdict_sentences
 from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import metric_tables
 from legoworld.records.evaluation_summary import Summary
-from legoworld.records.instances import InstanceRow
-from legoworld.records.report_summary import ForestRow, Span
+from legoworld.records.report_tables import ForestRow, Span
+from legoworld.records.scene_folder import InstanceRow
 from legoworld.report.forest import evaluated_sentence, forest_rows
 from legoworld.tables.html import html as html_table
 from legoworld.tables.table import Table

@@ -14,8 +14,7 @@ from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import UNSET
 from legoworld.records.pixels import PixelRow
 from legoworld.records.report_page import Advice, Answer, PageView, PhotoRow, PixelCell
-from legoworld.records.report_summary import Plots
-from legoworld.records.report_tables import PageSection, PixelList
+from legoworld.records.report_tables import PageSection, PixelList, Plots
 from legoworld.records.run_rows import RunRow
 from legoworld.report.advice import failure_advice, sorted_advice
 from legoworld.report.facts import run_facts, run_tables

@@ -20,7 +20,7 @@ from legoworld.evaluation.detection.ranking.accumulation import (
     precision_at_recalls,
 )
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.report_summary import DepthError, IouHistogram, PrecisionRecall
+from legoworld.records.report_tables import DepthError, IouHistogram, PrecisionRecall
 from legoworld.report.detection_images import SideImage
 
 #: Random orders of equally confident predictions that a band is of.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_rows import (
+from legoworld.records.reconstruction import (
     COMPARED,
     CameraError,
     Flag,

@@ -17,7 +17,7 @@ from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import RASTER, Reference
 from legoworld.evaluation.reconstruction.submission import load_render, load_surface
 from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction import ReconstructionRow
 from legoworld.records.run_rows import RunRow
 from legoworld.report.reconstruction_inputs import BenchInputs
 

@@ -17,7 +17,7 @@ from legoworld.evaluation.reconstruction.reference import Reference, load_refere
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_rows import COMPARED, ReconstructionRow
+from legoworld.records.reconstruction import COMPARED, ReconstructionRow
 from legoworld.records.report_page import PhotoRow
 from legoworld.records.report_reconstruction import (
     BenchAnswer,

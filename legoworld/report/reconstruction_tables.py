@@ -12,14 +12,14 @@ from legoworld.comparison.provenance import NOT_RECORDED
 from legoworld.evaluation.reconstruction.text import noise_floor
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
-from legoworld.records.reconstruction_leaderboard import Leaderboard, LeaderboardRow, Repeated
+from legoworld.records.bench_results import Leaderboard, LeaderboardRow, Repeated
 from legoworld.records.report_reconstruction import (
     BenchTables,
     Loss,
     SideLosses,
     TierBar,
 )
-from legoworld.records.report_summary import FirstScreen, Verdict
+from legoworld.records.report_tables import FirstScreen, Verdict
 from legoworld.report.reconstruction_pictures import OUTCOMES, error_steps
 from legoworld.report.sources import ReportInputError, Section
 from legoworld.tables.table import Cell, Number, Table, Text, table

@@ -8,10 +8,10 @@ from typing import Final, cast
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.questions import ShownQuestion
 from legoworld.records.relations import RelationsRow, RelationsView
 from legoworld.records.report_page import Advice, Answer, PhotoRow, RelationsCell, RelationsPageView
 from legoworld.records.report_tables import PageSection
+from legoworld.records.track import ShownQuestion
 from legoworld.report.advice import failure_advice, sorted_advice
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.family import PageFamily

@@ -17,9 +17,7 @@ from legoworld.errors import (
     cause,
 )
 from legoworld.files import TEMPORARY_SUFFIX
-from legoworld.records.frozen import FrozenRow
-from legoworld.records.provenance import ProvenanceFile
-from legoworld.records.verdict import OK, Verdict
+from legoworld.records.scene_folder import OK, FrozenRow, ProvenanceFile, Verdict
 from legoworld.scene.artefacts import check_glb, check_picture
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache, bpy_version

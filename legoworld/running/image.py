@@ -10,9 +10,8 @@ from pathlib import Path
 from legoworld.errors import LegoWorldError
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.folders.prediction_files import has_its_results
-from legoworld.records.labels import LabelsFile
-from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord, ImageSource
+from legoworld.records.scene_folder import LabelsFile, ProvenanceFile
 from legoworld.remote import PlaceError, child, fetch_folder
 from legoworld.running.error_boundary import classify_error
 from legoworld.running.image_record import (

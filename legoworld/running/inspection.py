@@ -20,7 +20,7 @@ from legoworld.readouts.pictures import (
     write_png,
 )
 from legoworld.records.base import readable
-from legoworld.records.instances import InstanceRow, InstancesFile
+from legoworld.records.scene_folder import InstanceRow, InstancesFile
 from legoworld.running.scene_views import SceneViews
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache

@@ -9,9 +9,9 @@ from legoworld.files import as_unicode
 from legoworld.pluralize import plural
 from legoworld.readouts.filled_view import filled_view
 from legoworld.readouts.surface import VisibleSurface
-from legoworld.records.provenance import ProvenanceFile
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import RunRow
+from legoworld.records.scene_folder import ProvenanceFile
 from legoworld.running.image_record import (
     ImageOptions,
     describe_source,

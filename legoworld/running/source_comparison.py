@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.conventions import NO_INSTANCE
-from legoworld.records.instances import InstanceRow
+from legoworld.records.scene_folder import InstanceRow
 from legoworld.running.inspection import Inspection
 
 #: Minimum mask IoU at which the instances of both sources agree.

@@ -20,8 +20,7 @@ from legoworld.files import (
     write_text,
 )
 from legoworld.records.base import canonical, readable
-from legoworld.records.frozen import FrozenFile, HashedFile
-from legoworld.records.verdict import Verdict
+from legoworld.records.scene_folder import FrozenFile, HashedFile, Verdict
 from legoworld.scene.folder import (
     ARTEFACTS,
     BLEND,

@@ -15,7 +15,7 @@ from legoworld.conventions import CATEGORY_KEY
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError, one_line
 from legoworld.files import Json
 from legoworld.pluralize import did_you_mean
-from legoworld.records.labels import LabelsFile
+from legoworld.records.scene_folder import LabelsFile
 from legoworld.scene.folder import LABELS
 from legoworld.scene.side_files import SideFile, invalid, read_side_file
 from legoworld.scene.snapshot import Snapshot

@@ -19,7 +19,7 @@ from typing import Final, Generic, TypeVar
 from legoworld.errors import LabelsInvalidError, SideFileInvalidError, cause, one_line
 from legoworld.files import kind_of_file, refused_by_machine
 from legoworld.records.base import RecordError, decode_foreign
-from legoworld.records.execution import ExecutionFile
+from legoworld.records.scene_folder import ExecutionFile
 from legoworld.scene.folder import BLEND, EXECUTION, FROZEN, LABELS, PROVENANCE
 
 #: The side files, and how many bytes each may have.

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from legoworld.records.questions import Question
-from legoworld.records.track import CategoryInfo, ImageInfo, Part
+from legoworld.records.track import CategoryInfo, ImageInfo, Part, Question
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,9 +11,8 @@ from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
 from legoworld.records.folders.folder_kind import folder_of_other_kind
-from legoworld.records.questions import Question
 from legoworld.records.repeats import find_repeated
-from legoworld.records.track import PRIVATE_KEYS, ImageInfo, TrackFile
+from legoworld.records.track import PRIVATE_KEYS, ImageInfo, Question, TrackFile
 from legoworld.remote import Place, folders_holding
 from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.vocabulary import Vocabulary, make_vocabulary

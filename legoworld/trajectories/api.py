@@ -8,7 +8,7 @@ from typing import Final
 
 from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.listener import SILENT, Listener
-from legoworld.records.trajectory_scores import TrajectoryFile, TrajectoryScore
+from legoworld.records.trajectories import TrajectoryFile, TrajectoryScore
 from legoworld.trajectories.folder import RecordedTrial, read_trial, recorded_trials
 from legoworld.trajectories.page import find_score, read_scores, write_page
 from legoworld.trajectories.pick import By, Pick, PickPlan, pick

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from legoworld.records.trajectory_scores import (
+from legoworld.records.trajectories import (
     CAUSES,
     Axis,
     Cause,

@@ -18,9 +18,10 @@ from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_summary import Interval
-from legoworld.records.trajectory_page import PageStep, PageTrial
-from legoworld.records.trajectory_scores import (
+from legoworld.records.trajectories import (
     AgentTable,
+    PageStep,
+    PageTrial,
     ScoredScene,
     TrajectoryFile,
     TrajectoryScore,

@@ -24,9 +24,9 @@ from legoworld.files import readable_json, sha256_of_text, write_text
 from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import UNSET, canonical, decode_lines, readable
 from legoworld.records.endpoint import Checkpoint
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction import ReconstructionRow
 from legoworld.records.submission import BenchRow
-from legoworld.records.trajectory_scores import Moment, ScoredScene, TrajectoryFile, TrajectoryScore
+from legoworld.records.trajectories import Moment, ScoredScene, TrajectoryFile, TrajectoryScore
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE
 from legoworld.tasks.shipped import BENCH

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
-from legoworld.records.trajectory_scores import (
+from legoworld.records.trajectories import (
     AXES,
     CAUSES,
     AgentTable,

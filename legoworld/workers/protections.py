@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
-from legoworld.records.execution import Protected
+from legoworld.records.scene_folder import Protected
 from legoworld.workers.bubblewrap import Bubblewrap, find_bubblewrap, how_to_have
 from legoworld.workers.task_group import group_place
 

@@ -14,7 +14,7 @@ from legoworld.agents.trial_result import TrialOutcome, write_result
 from legoworld.records.agents import EndedAgent, Finalisation, PluginCalls, ReconstructionFile
 from legoworld.records.atif import AtifAgent, AtifTrajectory
 from legoworld.records.base import decode
-from legoworld.records.plugin_modules import PluginUsed
+from legoworld.records.plugin_install import PluginUsed
 from legoworld.scene.folder import PROVENANCE
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, TRIAL
 from legoworld.workers.protections import Protections

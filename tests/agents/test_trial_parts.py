@@ -35,7 +35,7 @@ from legoworld.api.listener import Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.records.agents import BegunTrial, EndedAgent, RecordedStep, Usage
-from legoworld.records.plugin_modules import PluginUsed
+from legoworld.records.plugin_install import PluginUsed
 from legoworld.trajectories.folder import TRIAL
 
 IMAGE = SimpleNamespace(id=7, scene="room", file_name="a/room.jpg", hfov_deg=51.0)

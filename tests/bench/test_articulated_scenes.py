@@ -10,11 +10,9 @@ import pytest
 from bench.stage import PROGRAM, picture
 
 from legoworld import cli
-from legoworld.records.articulation import Articulation
 from legoworld.records.base import UNSET, decode, decode_lines
-from legoworld.records.bench_dataset import BenchTruthFile
-from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.bench_dataset import Articulation, BenchTruthFile
+from legoworld.records.reconstruction import ReconstructionRow, ReconstructionSummary
 from legoworld.records.submission import BenchRow
 
 #: The door hangs from an empty at its left edge, 30 degrees about the vertical and half its size.

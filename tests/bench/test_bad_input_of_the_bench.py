@@ -19,7 +19,7 @@ from evaluation.reconstruction.datasets import write_dataset, write_run
 from legoworld import cli
 from legoworld.errors import WorkerCrashedError
 from legoworld.records.base import UNSET, decode_lines
-from legoworld.records.bench_serving import ServeAnswer
+from legoworld.records.bench_results import ServeAnswer
 from legoworld.records.submission import BenchRow
 from legoworld.scene.blender_process import BlenderProcess
 

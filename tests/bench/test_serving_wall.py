@@ -16,7 +16,7 @@ from waiting import until
 from legoworld.bench import server as serving
 from legoworld.bench.server import ScoreServer, ScoreWorker, scene_below
 from legoworld.records.base import canonical, decode
-from legoworld.records.bench_serving import ServeAnswer
+from legoworld.records.bench_results import ServeAnswer
 
 #: image id -> what its scoring raises.
 RAISED = {1: ValueError("not foreseen"), 2: MemoryError(), 3: OSError(5, "Input/output error")}

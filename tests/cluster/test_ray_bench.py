@@ -16,7 +16,7 @@ from running.run_folders import results
 from legoworld import cli
 from legoworld import remote as places
 from legoworld.records.base import decode
-from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.reconstruction import ReconstructionSummary
 
 pytest.importorskip("ray")
 pytest.importorskip("fsspec")

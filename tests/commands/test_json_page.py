@@ -20,7 +20,7 @@ import pytest
 from evaluation.detection_runs import random_predictions, random_truth, write_truth
 
 from legoworld import cli
-from legoworld.records.reconstruction_judges import JudgesFile
+from legoworld.records.bench_results import JudgesFile
 from legoworld.shipped import catalog
 
 PAGE = Path(__file__).parents[2] / "docs" / "json.md"

@@ -28,11 +28,10 @@ from legoworld.commands.output import Output
 from legoworld.errors import LegoWorldError
 from legoworld.exports.formats import Written
 from legoworld.records.agents import TrialRow, Usage
-from legoworld.records.frozen import FrozenRow, Verdict
-from legoworld.records.instances import InstanceRow
 from legoworld.records.report_page import Advice
 from legoworld.records.run_file import RunCoverage, RunSummary, ValidityCounts
 from legoworld.records.run_rows import RunRow
+from legoworld.records.scene_folder import FrozenRow, InstanceRow, Verdict
 from legoworld.running.source_comparison import Pair
 from legoworld.tables.table import Column, Table, table
 

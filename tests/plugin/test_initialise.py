@@ -21,8 +21,8 @@ from legoworld.plugin.room_install import CAMERA, NotInstalledError
 from legoworld.plugin.server import plugin_server
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import decode
+from legoworld.records.plugin_evidence import ConstructionPlan, Room
 from legoworld.records.plugin_ledger import TransactionLimits
-from legoworld.records.plugin_room import ConstructionPlan, Room
 from legoworld.visibility.camera import projection
 
 pytestmark = pytest.mark.blender

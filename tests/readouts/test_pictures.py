@@ -17,7 +17,7 @@ from legoworld.readouts.pictures import (
     read_photo,
     write_png,
 )
-from legoworld.records.instances import InstanceRow
+from legoworld.records.scene_folder import InstanceRow
 
 #: Of ids 0, 1 and 2: hues .08, .698 and .316 (the fraction of .08 + n * .618034).
 COLORS = [(255, 156, 64), (100, 64, 255), (84, 255, 64)]

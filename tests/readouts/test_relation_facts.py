@@ -19,9 +19,9 @@ from legoworld.readouts.relation_kinds import RELATIONS, FactBase
 from legoworld.readouts.relations import READOUT
 from legoworld.records.base import decode
 from legoworld.records.plugin_requirements import Containment, Facing, Support
-from legoworld.records.questions import Designator
 from legoworld.records.relations import AnswerFile
 from legoworld.records.run_rows import RunRow
+from legoworld.records.track import Designator
 
 
 def base(*placed, **options) -> FactBase:

@@ -14,8 +14,8 @@ import pytest
 
 from legoworld import cli
 from legoworld.records.base import decode_lines
-from legoworld.records.bench_serving import ServeAnswer
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.bench_results import ServeAnswer
+from legoworld.records.reconstruction import ReconstructionRow
 
 pytestmark = [pytest.mark.blender, pytest.mark.real_data]
 

@@ -17,7 +17,7 @@ from report.bench_pages import bench_dataset, bench_evaluation, troubled
 from report.pages import HOSTILE, Tables, document_of, embedded, page_of, written
 
 from legoworld import cli
-from legoworld.records.reconstruction_rows import ObjectRow, PrecisionRecall, Registration
+from legoworld.records.reconstruction import ObjectRow, PrecisionRecall, Registration
 from legoworld.records.report_reconstruction import BenchPageView
 from legoworld.records.run_rows import RunRow
 from legoworld.report.depth_images import NO_DEPTH

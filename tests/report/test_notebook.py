@@ -13,7 +13,7 @@ import pytest
 from report.pages import HOSTILE, evaluated
 
 import legoworld
-from legoworld.records.report_summary import ForestRow, Span
+from legoworld.records.report_tables import ForestRow, Span
 from legoworld.report.notebook import _LEFT, _WIDTH, _forest, instances_text, picture_html
 
 

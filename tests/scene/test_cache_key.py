@@ -27,12 +27,9 @@ LAZY = PACKAGE / "__init__.py"
 NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_codes.py",
                      "pluralize.py", "extras.py", "scene/folder.py",
                      # how a program that was executed ended
-                     "scene/programs/report.py", "records/base.py", "records/execution.py",
-                     "records/verdict.py",
+                     "scene/programs/report.py", "records/base.py", "records/scene_folder.py",
                      # the types of what the process is asked, which no code that runs looks into
                      "scene/requests.py", "records/bench_dataset.py", "records/track.py",
-                     "records/questions.py",
-                     "records/articulation.py",
                      # the names of USD's labels, which only its import looks for
                      "scene/usd_labels.py",
                      # what a transaction compares, beside the snapshot

@@ -10,7 +10,7 @@ import pytest
 from legoworld import __version__
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
-from legoworld.records.verdict import OK, Verdict
+from legoworld.records.scene_folder import OK, Verdict
 from legoworld.scene import freeze
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import (

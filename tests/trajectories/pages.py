@@ -12,8 +12,8 @@ from legoworld.records.agents import Finalisation, ReconstructionFile, Usage
 from legoworld.records.atif import AtifAgent, AtifMetrics, AtifStep, AtifTrajectory
 from legoworld.records.base import readable
 from legoworld.records.endpoint import Call, Checkpoint
-from legoworld.records.execution import Protected
-from legoworld.records.trajectory_scores import Moment, ScoredScene, TrajectoryFile
+from legoworld.records.scene_folder import Protected
+from legoworld.records.trajectories import Moment, ScoredScene, TrajectoryFile
 from legoworld.trajectories.curves import Trajectory, score_trajectory
 from legoworld.trajectories.folder import RecordedTrial, read_trial
 from legoworld.trajectories.score_checkpoints import slot_folder

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from legoworld.records.base import UNSET
-from legoworld.records.trajectory_scores import CAUSES, Moment, ScoredScene
+from legoworld.records.trajectories import CAUSES, Moment, ScoredScene
 from legoworld.trajectories.curves import (
     TIE,
     Trajectory,

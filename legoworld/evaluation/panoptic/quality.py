@@ -17,8 +17,8 @@ from legoworld.evaluation.label_maps.view import label_map_view, shown
 from legoworld.evaluation.panoptic.truth import TrueSegments
 from legoworld.readouts.label_maps import VOID
 from legoworld.readouts.map_pictures import agreement_picture, segment_picture
+from legoworld.records.coco_file import SegmentInfo
 from legoworld.records.label_maps import MatchedSegment
-from legoworld.records.panoptic_file import SegmentInfo
 from legoworld.records.run_rows import Segment
 
 METRICS: Final = tuple(

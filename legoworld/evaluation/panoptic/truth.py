@@ -12,7 +12,7 @@ from legoworld.evaluation.label_maps.errors import MapTruthError
 from legoworld.evaluation.label_maps.family import MapTruth
 from legoworld.evaluation.run import Run
 from legoworld.records.base import RecordError, decode
-from legoworld.records.panoptic_file import PanopticAnnotation, PanopticTruthFile, SegmentInfo
+from legoworld.records.coco_file import PanopticAnnotation, PanopticTruthFile, SegmentInfo
 from legoworld.records.repeats import find_repeated
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.vocabulary import make_vocabulary

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from legoworld.evaluation.reconstruction.points import F64, Depth, Flags
-from legoworld.records.reconstruction_rows import Registration
+from legoworld.records.reconstruction import Registration
 
 #: Points of each cloud that ICP works with, spread evenly over the raster's order.
 ICP_POINTS: Final = 2000

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from legoworld.evaluation.reconstruction.articulation_card import ArticulationRules
 from legoworld.evaluation.reconstruction.points import F64
-from legoworld.records.articulation import (
+from legoworld.records.bench_dataset import (
     Articulation,
     JointCounts,
     JointRow,

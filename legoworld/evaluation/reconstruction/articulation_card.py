@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any, Final
 
 from legoworld.cards import read_values
-from legoworld.records.articulation import JOINT_TYPES
+from legoworld.records.bench_dataset import JOINT_TYPES
 from legoworld.shipped import catalog
 
 _CARD: Final = "pilots/articulation"

@@ -7,7 +7,7 @@ import numpy as np
 from legoworld.evaluation.reconstruction.aligned import angle_rad
 from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_rows import CameraError, Registration
+from legoworld.records.reconstruction import CameraError, Registration
 from legoworld.records.submission import BenchRow
 
 

@@ -24,7 +24,7 @@ from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface, load_render, load_surface
 from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_rows import (
+from legoworld.records.reconstruction import (
     COMPARED,
     Appearance,
     Flag,

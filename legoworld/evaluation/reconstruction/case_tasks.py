@@ -14,7 +14,7 @@ from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case, zero_row
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, BenchUnseenError
 from legoworld.records.base import UNSET
-from legoworld.records.reconstruction_rows import EVALUATOR_ERROR, ReconstructionRow
+from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow
 from legoworld.workers.tasks import WorkerPool, map_items
 
 #: Fewer cases than this are scored by the time that other processes have started.

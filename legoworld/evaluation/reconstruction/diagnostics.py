@@ -11,7 +11,7 @@ from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.evaluation.reconstruction.correspondence import Correspondence
 from legoworld.evaluation.reconstruction.fscore import Score
 from legoworld.evaluation.reconstruction.points import F64
-from legoworld.records.reconstruction_rows import PrecisionRecall
+from legoworld.records.reconstruction import PrecisionRecall
 
 
 def precision_recall(score: Score) -> PrecisionRecall:

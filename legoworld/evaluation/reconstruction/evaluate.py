@@ -27,9 +27,12 @@ from legoworld.records.folders.evaluation_folder import (
     write_evaluation,
 )
 from legoworld.records.folders.read_run import ROWS, RUN
-from legoworld.records.reconstruction import BenchConfiguration, BenchEvidence
-from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.reconstruction import (
+    BenchConfiguration,
+    BenchEvidence,
+    ReconstructionRow,
+    ReconstructionSummary,
+)
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 

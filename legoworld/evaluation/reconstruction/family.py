@@ -16,9 +16,7 @@ from legoworld.evaluation.reconstruction.text import (
     short_bench,
 )
 from legoworld.evaluation.reconstruction.verification import bench_checks, bench_rows
-from legoworld.records.reconstruction import BenchEvidence
-from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.reconstruction import BenchEvidence, ReconstructionRow, ReconstructionSummary
 
 
 def _evaluate(request: EvaluationRequest) -> ReconstructionSummary:

@@ -39,7 +39,7 @@ from legoworld.evaluation.reconstruction.points import (
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import RASTER, Reference, load_cloud
 from legoworld.evaluation.reconstruction.submission import Surface
-from legoworld.records.reconstruction_rows import Diagnostics, ObjectRow, Registration
+from legoworld.records.reconstruction import Diagnostics, ObjectRow, Registration
 
 #: The voxel edge that follows the scene: this share of the median reference depth.
 _VOXEL_SHARE = 0.05

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.reconstruction.appearance import Picture, resize_picture
 from legoworld.evaluation.reconstruction.points import Flags
-from legoworld.records.reconstruction_rows import Flag, FlagKind
+from legoworld.records.reconstruction import Flag, FlagKind
 from legoworld.records.submission import ImageTexture, Integrity
 
 #: One of these is enough for a flag.

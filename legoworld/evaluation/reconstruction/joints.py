@@ -13,8 +13,8 @@ from legoworld.evaluation.reconstruction.points import F64, finite_points, point
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
-from legoworld.records.articulation import Articulation, ReferenceJoint, Vector
 from legoworld.records.base import UNSET, UnsetType
+from legoworld.records.bench_dataset import Articulation, ReferenceJoint, Vector
 from legoworld.records.submission import BenchRow
 
 

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode_lines
-from legoworld.records.reconstruction_judges import (
+from legoworld.records.bench_results import (
     BOTH_BAD,
     FAILED,
     TIE,

@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
 from legoworld.evaluation.reconstruction.points import F64
-from legoworld.records.reconstruction_rows import COMPARED, ReconstructionRow
-from legoworld.records.reconstruction_summary import Group, Groups, Mean, Means, Over
+from legoworld.records.reconstruction import (
+    COMPARED,
+    Group,
+    Groups,
+    Mean,
+    Means,
+    Over,
+    ReconstructionRow,
+)
 
 #: What a family without the property is grouped under.
 UNSTATED: Final = "unstated"

@@ -21,15 +21,17 @@ from legoworld.evaluation.reconstruction.means import (
     headline,
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
-from legoworld.records.articulation import ArticulationSummary
 from legoworld.records.base import UNSET, UnsetType, as_json, to_record
+from legoworld.records.bench_dataset import ArticulationSummary
 from legoworld.records.evaluation_summary import Evaluator, NotScored
-from legoworld.records.reconstruction_rows import COMPARED, Flag, ReconstructionRow
-from legoworld.records.reconstruction_summary import (
+from legoworld.records.reconstruction import (
+    COMPARED,
     CaseFlag,
     FamilyBootstrap,
+    Flag,
     NoiseSummary,
     ReconstructionCoverage,
+    ReconstructionRow,
     ReconstructionRules,
     ReconstructionSummary,
 )

@@ -7,7 +7,7 @@ from typing import Final
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
 from legoworld.evaluation.short_text import bounds, describe_evaluator, first_few, fraction
 from legoworld.pluralize import plural
-from legoworld.records.reconstruction_summary import (
+from legoworld.records.reconstruction import (
     Group,
     Means,
     NoiseSummary,

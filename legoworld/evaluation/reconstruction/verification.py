@@ -19,9 +19,7 @@ from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.records.base import as_json
 from legoworld.records.folders.read_evaluation import SUMMARY
-from legoworld.records.reconstruction import BenchEvidence
-from legoworld.records.reconstruction_rows import ReconstructionRow
-from legoworld.records.reconstruction_summary import ReconstructionSummary
+from legoworld.records.reconstruction import BenchEvidence, ReconstructionRow, ReconstructionSummary
 from legoworld.workers.tasks import IN_PROCESS
 
 #: Cases scored again, spread evenly over the track.

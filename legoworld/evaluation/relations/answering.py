@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 from legoworld.files import Json
 from legoworld.readouts.relation_kinds import RELATIONS, FactBase, describe
-from legoworld.records.questions import Answered, Question
 from legoworld.records.relations import FactObject
+from legoworld.records.track import Answered, Question
 
 #: Relations whose meaning depends on whose left, or front, it is.
 _OF_A_FRAME: Final = frozenset({"left_of", "right_of", "above", "below", "in_front_of", "behind"})

@@ -18,8 +18,8 @@ from msgspec.structs import replace
 
 from legoworld.evaluation.relations.answering import answer_by_facts
 from legoworld.readouts.relation_kinds import RELATIONS, WHICH, FactBase, describe, options_text
-from legoworld.records.questions import Designator, Kind, Question
 from legoworld.records.relations import FactObject, Facts, TrueAnswer
+from legoworld.records.track import Designator, Kind, Question
 
 #: As the card declares them.
 MIN_AREA_PX: Final = 100

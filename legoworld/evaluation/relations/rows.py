@@ -12,9 +12,9 @@ from legoworld.evaluation.relations.truth import TrueImage, Truth, read_answer_f
 from legoworld.evaluation.run import Run, read_rows
 from legoworld.readouts.relation_kinds import FactBase
 from legoworld.records.base import UNSET
-from legoworld.records.questions import Answered, ShownQuestion
 from legoworld.records.relations import AnswerFile, RelationsRow, RelationsView, Sums, TrueAnswer
 from legoworld.records.run_rows import RunRow
+from legoworld.records.track import Answered, ShownQuestion
 from legoworld.tracks.track import scene_name
 
 #: A truth without the photo.

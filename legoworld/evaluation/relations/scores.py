@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any, Final
 
-from legoworld.records.questions import Answered, Box, Kind, Question
 from legoworld.records.relations import Sums, TrueAnswer
+from legoworld.records.track import Answered, Box, Kind, Question
 
 #: The metric of each kind of answer.
 METRIC_OF: Final[Mapping[Kind, str]] = {

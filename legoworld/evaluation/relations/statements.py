@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from legoworld.records.base import UNSET
-from legoworld.records.questions import Designator, Question
 from legoworld.records.relations import Statement, TrueAnswer
+from legoworld.records.track import Designator, Question
 from legoworld.tracks.track import scene_name
 from legoworld.tracks.vocabulary import Vocabulary, normal_name
 

@@ -11,8 +11,14 @@ from legoworld.errors import LegoWorldError, cause
 from legoworld.records.base import RecordError, decode, decode_lines
 from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
 from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evidence import AnyEvidence, EvaluationEvidence, OfKind
-from legoworld.records.families import decode_evidence, decode_rows, decode_summary
+from legoworld.records.evidence import (
+    AnyEvidence,
+    EvaluationEvidence,
+    OfKind,
+    decode_evidence,
+    decode_rows,
+    decode_summary,
+)
 from legoworld.records.folders.folder_kind import folder_of_other_kind
 
 SUMMARY: Final = "summary.json"

@@ -40,7 +40,6 @@ from legoworld.records.folders.read_run import (
     hashes,
     recorded_configuration,
 )
-from legoworld.records.folders.row_files import FOLDERS, delete_files
 from legoworld.records.folders.run_journal import (
     JOURNAL,
     JournalledImage,
@@ -49,6 +48,20 @@ from legoworld.records.folders.run_journal import (
 )
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary
 from legoworld.records.run_rows import RunRow
+
+#: The keys of a row that describe a file (`RunRow.files`); also their folders.
+FOLDERS: Final = ("depth", "normals", "surface", "render", "answer")
+_SUFFIXES: Final = (".npz", ".png", ".json")
+
+
+def delete_files(run: Path) -> None:
+    """Delete the files of all rows."""
+    for name in FOLDERS:
+        folder = run / name
+        for path in sorted(folder.rglob("*")) if folder.is_dir() else ():
+            if path.suffix in _SUFFIXES and path.is_file():
+                path.unlink()
+
 
 _LOCK: Final = ".lock"
 #: Begins the name of the folder in which a baseline's process writes, while it runs.

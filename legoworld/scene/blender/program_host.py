@@ -21,7 +21,7 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError, WorkerMemoryError, printable
 from legoworld.records.base import canonical, to_record
-from legoworld.records.execution import ProgramReport, Reason, Stage
+from legoworld.records.scene_folder import ProgramReport, Reason, Stage
 from legoworld.scene.programs.report import BEGUN
 
 #: How long before the time limit the program's line is printed.

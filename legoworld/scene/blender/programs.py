@@ -13,7 +13,7 @@ from typing import Any, Final
 import bpy
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.records.execution import ProgramError, ProgramReport, Stage
+from legoworld.records.scene_folder import ProgramError, ProgramReport, Stage
 from legoworld.scene.folder import BLEND, GLB, PICTURE
 from legoworld.scene.programs.report import MOST_WARNINGS
 

@@ -25,8 +25,7 @@ from legoworld.errors import (
 )
 from legoworld.files import atomic_path, sha256_of_file, write_text
 from legoworld.records.base import as_json, readable
-from legoworld.records.execution import ExecutionFile, ProgramReport
-from legoworld.records.verdict import OK, Verdict
+from legoworld.records.scene_folder import OK, ExecutionFile, ProgramReport, Verdict
 from legoworld.scene.artefacts import check_glb, check_picture, without_metadata
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import bpy_version

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from legoworld.errors import one_line
 from legoworld.records.base import RecordError, decode
-from legoworld.records.execution import ProgramError, ProgramReport, Reason
+from legoworld.records.scene_folder import ProgramError, ProgramReport, Reason
 
 REPORT: Final = "report.json"
 #: Printed on a line of its own when the program begins. A program can take its report away; what

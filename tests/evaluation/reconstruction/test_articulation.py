@@ -18,10 +18,9 @@ from legoworld.evaluation.reconstruction.articulation import (
 )
 from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
-from legoworld.records.articulation import ReferenceJoint, SceneJoint
 from legoworld.records.base import UNSET, as_json, decode, decode_lines, readable, to_record
-from legoworld.records.bench_dataset import BenchTruthFile
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.bench_dataset import BenchTruthFile, ReferenceJoint, SceneJoint
+from legoworld.records.reconstruction import ReconstructionRow
 from legoworld.records.submission import BenchRow
 
 RULES = articulation_rules()

@@ -8,7 +8,7 @@ import pytest
 
 from legoworld import cli
 from legoworld.evaluation.reconstruction.judges import JudgementsError, judge_agreement, of_matrix
-from legoworld.records.reconstruction_judges import Agreement
+from legoworld.records.bench_results import Agreement
 
 NAMES = ("astra", "6-sol", "6-luna", "5.6-sol", "5.6-terra", "5.6-luna")
 PUBLISHED = """

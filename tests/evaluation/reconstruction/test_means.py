@@ -15,7 +15,7 @@ from legoworld.evaluation.reconstruction.means import (
     headline,
     mean_and_sd,
 )
-from legoworld.records.reconstruction_rows import ReconstructionRow
+from legoworld.records.reconstruction import ReconstructionRow
 
 MEASURES = {m.name: m for m in headline(["F2"])}
 

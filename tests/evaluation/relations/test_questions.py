@@ -13,8 +13,8 @@ from legoworld.evaluation.relations.statements import statement_answers
 from legoworld.readouts.protocol import protocol
 from legoworld.readouts.relation_facts import relation_facts
 from legoworld.readouts.relation_kinds import FactBase
-from legoworld.records.questions import Designator, Question
 from legoworld.records.relations import Statement, TrueAnswer
+from legoworld.records.track import Designator, Question
 
 ROOM = (
     ("cup", (-1.2, 0.85, 5), 0.3),

@@ -5,8 +5,7 @@ from functools import partial
 from legoworld.records.base import Record, decode_lines
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Interval, MetricValue, Summary
-from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
-from legoworld.records.families import RecordFamily
+from legoworld.records.evidence import EvaluationEvidence, RecordFamily, ScoreConfiguration
 
 
 class CountsRow(EvaluationRow, frozen=True, kw_only=True):

@@ -12,7 +12,7 @@ from scene.programs.executed import BUILD, execute, execution
 from waiting import until
 from workers.confinements import bubblewrap_or_skip
 
-from legoworld.records.execution import ProgramReport, Reason
+from legoworld.records.scene_folder import ProgramReport, Reason
 from legoworld.scene.programs.execution import _hints
 from legoworld.scene.programs.report import read_report
 

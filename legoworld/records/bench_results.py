@@ -1,4 +1,4 @@
-"""Recorded judgements of bench submissions, and how far judges agree with the scores."""
+"""Results of the bench: leaderboard.json, judges.json and the lines of `legoworld bench serve`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,56 @@ from msgspec import Meta, field
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.evaluation_summary import Evaluator, Interval
+from legoworld.records.reconstruction import Flag, ObjectRow, Over
+from legoworld.records.submission import Check
+
+
+class Repeated(Record, frozen=True, kw_only=True):
+    """A metric over repeated runs: their mean, and standard deviation with ddof = 1.
+
+    runs: each run's own mean in the runs' order, null where undefined; n: each one's denominator.
+    mean is null where any run's is; sd also with a single run. interval: of the mean, over
+    families drawn alike for all runs; only over all cases, null elsewhere.
+    """
+
+    mean: float | None
+    sd: float | None
+    runs: tuple[float | None, ...]
+    n: tuple[int, ...]
+    over: Over
+    interval: Interval | None
+
+
+class LeaderboardGroup(Record, frozen=True, kw_only=True):
+    """Cases of one kind of group (all, split, environment, theme or tier) and its name."""
+
+    kind: str
+    name: str
+    cases: int
+    metrics: dict[str, Repeated]
+
+
+class LeaderboardRow(Record, frozen=True, kw_only=True):
+    """One agent and model. evaluations: names of the folders of its runs."""
+
+    agent: str
+    model: str
+    evaluations: Annotated[tuple[str, ...], Meta(min_length=1)]
+    groups: tuple[LeaderboardGroup, ...]
+
+
+class Leaderboard(Record, frozen=True, kw_only=True):
+    """Rows by falling S over all attempted; evidence_sha256: of each evaluation, by its name."""
+
+    schema_version: int = SCHEMA_VERSION
+    task: str
+    evaluator: Evaluator
+    draws: int
+    seed: int
+    rows: tuple[LeaderboardRow, ...]
+    evidence_sha256: dict[str, str]
+
 
 Aspect = Literal["reconstruction", "appearance"]
 Text = Annotated[str, Meta(min_length=1)]
@@ -98,3 +148,34 @@ class JudgesFile(Record, frozen=True, kw_only=True):
     evidence_sha256: dict[str, str] = field(default_factory=dict)
     judgements: int
     aspects: dict[str, AspectAgreement]
+
+
+class ServeRequest(Record, frozen=True, kw_only=True):
+    """One submission to score. scene: its folder; id: given back as it is."""
+
+    scene: str
+    image_id: int
+    id: str | int | None = None
+
+
+class ServeAnswer(Record, frozen=True, kw_only=True):
+    """Its scores; zeros for a submission that is missing or invalid, and why.
+
+    status: ok, the readout's verdict, `refused` for a line that is not a request, or
+    `evaluator_error`; V, R, A and S are null for the last two, and A and S with --no-render.
+    validity: the checks of V that were made.
+    """
+
+    id: str | int | None
+    scene: str | None
+    image_id: int | None
+    status: str
+    reason: str | None
+    V: Literal[0, 1] | None
+    R: float | None
+    A: float | None
+    S: float | None
+    objects: tuple[ObjectRow, ...]
+    validity: dict[str, Check] | None
+    flags: tuple[Flag, ...]
+    warnings: tuple[str, ...]

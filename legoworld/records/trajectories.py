@@ -1,7 +1,7 @@
 """trajectories.json: Q over time, for every checkpoint of every trial; private, like an evaluation.
 
 Q = (R + A) / 2, as bench scores a submission. Shares are of the trial's own wall time, Blender
-calls and output tokens.
+calls and output tokens. `PageTrial` is what the page of trials is given.
 """
 
 from __future__ import annotations
@@ -124,3 +124,43 @@ class TrajectoryFile(Record, frozen=True, kw_only=True):
     agents: tuple[AgentTable, ...]
     common: tuple[AgentTable, ...] | None
     common_images: tuple[int, ...]
+
+
+class PageStep(Record, frozen=True, kw_only=True):
+    """One call, with the checkpoint that it left where that was scored.
+
+    drop: what made Q fall most since the scene before; lost: by how much Q changed. shares: of the
+    trial's calls, wall time and tokens. render: the last scored picture so far, as a data URL;
+    shown: the call that it is of.
+    """
+
+    number: int
+    at_s: float
+    command: str
+    status: str
+    code: str
+    said: str
+    Q: float | None
+    R: float | None
+    A: float | None
+    reason: str
+    drop: str | None
+    lost: float | None
+    shares: tuple[float, float, float | None]
+    render: str | None
+    shown: int | None
+
+
+class PageTrial(Record, frozen=True, kw_only=True):
+    """One trial. photo, final: pictures as data URLs, null where there is none."""
+
+    scene: str
+    agent: str
+    status: str
+    ended: str
+    seconds: float
+    photo: str | None
+    final: str | None
+    final_q: float | None
+    regret: float | None
+    steps: tuple[PageStep, ...]
