@@ -139,6 +139,7 @@ def trial_row(result: ReconstructionFile, run: int, *, kept: bool = False) -> Tr
         checkpoints=result.checkpoints,
         usage=result.usage,
         kept=kept,
+        content=result.content,
     )
 
 

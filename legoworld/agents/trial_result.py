@@ -9,6 +9,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld.agents.prices import compute_usage, with_cost
+from legoworld.agents.scene_content import scene_content
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, read_plugin_calls
 from legoworld.conventions import SCHEMA_VERSION
@@ -50,9 +51,11 @@ def write_result(
         result = replace(result, plugin=plan.plugin.provenance, plugin_calls=calls)
     write_text(made / TRAJECTORY, readable(with_cost(outcome.trajectory, result.usage)))
     write_text(made / PROVENANCE, readable(_provenance(plan, result)))
-    write_text(made / RECONSTRUCTION, readable(result))
     if result.finalisation.source != "none":
-        freeze_scene(SceneFolder(path=made, name=result.scene), blender=blender, cache=None)
+        folder = SceneFolder(path=made, name=result.scene)
+        freeze_scene(folder, blender=blender, cache=None)
+        result = replace(result, content=scene_content(folder, plan.work.protocol, blender))
+    write_text(made / RECONSTRUCTION, readable(result))
     return result
 
 

@@ -13,7 +13,7 @@ from legoworld.errors import UsageError
 from legoworld.files import Json, readable_json, sha256_of_file, write_text
 from legoworld.readouts.instructions import instructions
 from legoworld.readouts.instructions_text import instructions_text
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.protocol import Protocol, protocol
 from legoworld.records.base import decode
 from legoworld.records.plugin_install import Module
 from legoworld.records.track import PRIVATE_KEYS
@@ -37,7 +37,6 @@ _OF_MODULES: Final[dict[Module, str]] = {
 _REFERENCE: Final = "reference"
 PUBLIC: Final = "task.json"
 PROMPT: Final = "prompt.md"
-#: Its tasks have no vocabulary and no labels: the plain prompt says all.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +51,7 @@ class TrialSetup:
     entries: dict[int, dict[str, Any]]
     categories: list[str]
     task: str
+    protocol: Protocol
     schema: str
     vocabulary_sha256: str | None
     template: str
@@ -90,16 +90,17 @@ def load_trial_setup(
         )
     document = decode(dict[str, Any], track_path.read_bytes())
     entries = {int(entry["id"]): dict(entry) for entry in document["images"]}
+    reading = protocol(name, track.vocabulary)
     schema, vocabulary = "", None
     if name != BENCH:
-        reading = protocol(name, track.vocabulary)
-        schema = instructions_text(instructions(reading))
+        schema = instructions_text(instructions(reading, "agent"))
         vocabulary = reading.vocabulary.sha256 if reading.vocabulary else None
     return TrialSetup(
         track=track,
         entries=entries,
         categories=[str(c["name"]) for c in document.get("categories", [])],
         task=name,
+        protocol=reading,
         schema=schema,
         vocabulary_sha256=vocabulary,
         template=_template(plugin),

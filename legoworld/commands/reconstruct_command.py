@@ -62,6 +62,7 @@ def command(track: Path, output: Path, out: Output, **given: Any) -> int:
           --regions sam3-run --depth da3-run -o scenes-plugin
     """
     from legoworld.agents.campaign import reconstruct
+    from legoworld.agents.scene_content import content_sentence
     from legoworld.pluralize import share
 
     done = tokens = total = 0
@@ -77,6 +78,8 @@ def command(track: Path, output: Path, out: Output, **given: Any) -> int:
         tokens += row.usage.completion_tokens or 0
         dollars += row.usage.cost_usd or 0.0
         said = "" if row.status == "ok" else f": {row.status}: {row.reason}"
+        if row.content is not None:
+            said += f": {content_sentence(row.content)}"
         kept = "kept" if row.kept else f"{row.seconds:.0f} s"
         spent = f", {tokens:,} output tokens in all" if tokens else ""
         spent += f", ${dollars:.2f}" if dollars else ""

@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from legoworld.cards import Card
 from legoworld.errors import InstallationError
@@ -23,6 +23,8 @@ from legoworld.shipped import catalog
 from legoworld.tracks.vocabulary import Vocabulary, normal_name
 
 WORDING: Final = "instructions/scene.toml"
+#: Who reads: a person with `legoworld` at hand, or an agent in a workspace with Blender alone.
+Reader = Literal["person", "agent"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,7 @@ class Instructions:
     labels_file: Mapping[str, Json] | None
 
 
-def instructions(protocol: Protocol) -> Instructions:
+def instructions(protocol: Protocol, reader: Reader = "person") -> Instructions:
     """The instructions of a task with its vocabulary.
 
     Raises InstallationError when the wording has no sentence for a value of the card.
@@ -56,7 +58,7 @@ def instructions(protocol: Protocol) -> Instructions:
         wording = tomllib.load(stream)
     example = _example(protocol, wording["examples"])
     labels_file = _labels_file(protocol, example)
-    render = _Renderer(protocol, wording["rules"], example, labels_file)
+    render = _Renderer(protocol, wording["rules"], example, labels_file, reader)
     return Instructions(
         protocol=protocol,
         sections=tuple(
@@ -67,6 +69,7 @@ def instructions(protocol: Protocol) -> Instructions:
             )
             for section in wording["sections"]
             if protocol.task.family.labelled or not section.get("labelled", False)
+            if section.get("reader", reader) == reader
         ),
         labels_file=labels_file,
     )
@@ -93,6 +96,7 @@ class _Renderer:
         rules: Mapping[str, Mapping[str, str]],
         example: Mapping[str, str] | None,
         labels_file: Mapping[str, Json] | None,
+        reader: Reader,
     ) -> None:
         from jinja2 import Environment, StrictUndefined
 
@@ -102,6 +106,7 @@ class _Renderer:
         limits = Limits()
         self._facts = {
             "task": protocol.task.name,
+            "reader": reader,
             "card": protocol.card.values,
             "vocabulary": protocol.vocabulary is not None,
             "files": {"blend": BLEND, "glb": GLB, "picture": PICTURE, "program": PROGRAM},

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, field
 
 from legoworld.records.base import Record
 from legoworld.records.plugin_install import PluginUsed
@@ -137,13 +137,29 @@ class PluginCalls(Record, frozen=True, kw_only=True):
     left_open: bool
 
 
+class SceneContent(Record, frozen=True, kw_only=True):
+    """What a readout would find in a trial's scene; all empty where it cannot be read.
+
+    objects: instances with a surface, labelled or not; categories: how many of each, of those
+    with a label of the vocabulary; outside_vocabulary: other label texts, with their owners;
+    labelled: whether the task reads labels; problem: why the scene cannot be read.
+    """
+
+    objects: int = 0
+    labelled: bool
+    categories: dict[str, int] = field(default_factory=dict)
+    outside_vocabulary: dict[str, int] = field(default_factory=dict)
+    camera: Literal["perspective", "orthographic"] | None = None
+    problem: str | None = None
+
+
 class ReconstructionFile(Record, frozen=True, kw_only=True):
     """reconstruction.json of a scene folder: how its trial went.
 
     ended: how the agent's process did; seconds: wall time of the trial; agent_seconds: of its
     agent; calls, checkpoints: their numbers, the plugin's left out; plugin, plugin_calls: null
     without it; agent_sandbox, blender_sandbox: what each was kept from; continued: how often the
-    trial was continued after legoworld had been killed.
+    trial was continued after legoworld had been killed; content: null without a scene.
     """
 
     schema_version: int
@@ -174,6 +190,7 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
     blender_sandbox: Protected
     warnings: tuple[str, ...] = ()
     continued: int = 0
+    content: SceneContent | None = None
 
 
 class BegunTrial(Record, frozen=True, kw_only=True):
@@ -215,6 +232,7 @@ class TrialRow(Record, frozen=True, kw_only=True):
     checkpoints: int = 0
     usage: Usage = Usage()
     kept: bool = False
+    content: SceneContent | None = None
 
 
 _Price = Annotated[float, Meta(ge=0)]

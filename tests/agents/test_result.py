@@ -11,7 +11,13 @@ from legoworld import __version__
 from legoworld.agents import trial_result
 from legoworld.agents.prices import read_prices
 from legoworld.agents.trial_result import TrialOutcome, write_result
-from legoworld.records.agents import EndedAgent, Finalisation, PluginCalls, ReconstructionFile
+from legoworld.records.agents import (
+    EndedAgent,
+    Finalisation,
+    PluginCalls,
+    ReconstructionFile,
+    SceneContent,
+)
 from legoworld.records.atif import AtifAgent, AtifTrajectory
 from legoworld.records.base import decode
 from legoworld.records.plugin_install import PluginUsed
@@ -25,6 +31,8 @@ IMAGE = SimpleNamespace(id=7, file_name="a/one.jpg", scene="a_one")
 SAVED = Finalisation(source="saved", checkpoint=2, sha256="s" * 64)
 NONE = Finalisation(source="none", checkpoint=None, sha256=None, refused=("cut", "no camera"))
 
+CONTENT = SceneContent(labelled=True, objects=2, categories={"cup": 1}, camera="perspective")
+
 
 def plan(**said):
     known = {
@@ -32,7 +40,7 @@ def plan(**said):
         "agent_version": "0.9",
         "work": SimpleNamespace(
             prompt_sha256="p" * 64, task="coco", vocabulary_sha256="v" * 64,
-            entries={7: {"hfov_deg": 61.5}, 8: {}},
+            entries={7: {"hfov_deg": 61.5}, 8: {}}, protocol="the protocol",
         ),
         "limits": SimpleNamespace(time_s=90.0, memory_bytes=123),
         "model": "m-asked",
@@ -70,6 +78,11 @@ def written(tmp_path, monkeypatch):
     monkeypatch.setattr(
         trial_result, "freeze_scene", lambda folder, **how: frozen.append((folder, how))
     )
+    monkeypatch.setattr(trial_result, "scene_content", lambda *asked: held(*asked))
+
+    def held(folder, protocol, blender):
+        assert (folder, protocol, blender) == (frozen[-1][0], "the protocol", "the blender")
+        return CONTENT
 
     def write(made, result, image=IMAGE):
         row = write_result(made, image, tmp_path, result, "the blender")
@@ -95,6 +108,7 @@ def test_a_scene_that_came_of_it_is_frozen_and_all_is_said_of_it(written, tmp_pa
     assert (row.time_limit_s, row.seconds, row.agent_seconds) == (90.0, 45.679, 12.346)
     assert (row.calls, row.failed_calls, row.checkpoints, row.continued) == (3, 1, 2, 3)
     assert (row.finalisation, row.plugin, row.plugin_calls) == (SAVED, None, None)
+    assert row.content == CONTENT
     assert (row.agent_sandbox, row.blender_sandbox) == (AGENT_HELD.record(), BLENDER_HELD.record())
     usage = provenance.pop("usage")
     assert usage["cost_usd"] is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 
 import pytest
 from agents.tracks import make_track
@@ -43,7 +44,8 @@ def test_an_agent_is_told_the_photo_its_view_the_folder_the_time_and_the_categor
         "You see one reference image, reference.png: 64 x 48 pixels, taken with a horizontal field "
         "of view of 61.25 degrees. It is the only"
     )
-    assert f"- {folder}/scene.glb, the same scene as glTF" in text
+    assert f"Save the scene as {folder}/scene.blend" in text
+    assert "scene.glb" not in text, "one file is asked for"
     assert "You have 1.5 minutes." in text
     assert text.endswith("\nThe categories of objects that may appear: chair, table.\n")
     assert (folder / "prompt.md").read_text() == text
@@ -80,7 +82,9 @@ def test_a_task_with_a_vocabulary_says_its_labels(tmp_path):
     work, _, workspace = made(tmp_path, track_of(tmp_path, task="coco"))
     reading = protocol("coco", work.track.vocabulary)
     assert (work.task, work.vocabulary_sha256) == ("coco", reading.vocabulary.sha256)
-    assert work.schema == instructions_text(instructions(reading))
+    assert work.schema == instructions_text(instructions(reading, "agent"))
+    assert '["category"] = "' in work.schema, "the label is shown by an example"
+    assert not re.search(r"legoworld|labels\.json|scene\.glb|freeze", work.schema)
     assert workspace.prompt.endswith(f"and again.\n\n{work.schema}")
     both = f"{work.template}\n{work.schema}"
     assert work.prompt_sha256 == hashlib.sha256(both.encode()).hexdigest()

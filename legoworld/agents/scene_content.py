@@ -1,0 +1,66 @@
+"""What a readout would find in a trial's scene, so that a score of 0 surprises nobody."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+from legoworld.errors import LegoWorldError, one_line
+from legoworld.pluralize import plural
+from legoworld.readouts.protocol import Protocol
+from legoworld.records.agents import SceneContent
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.folder import SceneFolder
+from legoworld.scene.freeze import checked_artefacts
+from legoworld.scene.instances import group
+from legoworld.scene.labels import resolve_labels
+from legoworld.scene.read_scene import read_scene
+
+_SHOWN: Final = 5
+
+
+def scene_content(folder: SceneFolder, protocol: Protocol, blender: BlenderProcess) -> SceneContent:
+    """What scene.blend of a folder holds for a task; its `problem` where it cannot be read."""
+    labelled = protocol.task.family.labelled
+    try:
+        files = checked_artefacts(folder, require_frozen=False)
+        snapshot = read_scene(
+            folder, source="blend", blender=blender, cache=None, files=files
+        ).snapshot
+    except LegoWorldError as error:
+        return SceneContent(labelled=labelled, problem=str(error))
+    vocabulary = protocol.vocabulary
+    labels = resolve_labels(snapshot, (), vocabulary, protocol.override_property)
+    found = group(snapshot, labels)
+    named = Counter(i.category.name for i in found.instances if i.category is not None)
+    return SceneContent(
+        labelled=labelled,
+        objects=len(found.instances),
+        categories=dict(sorted(named.items())),
+        outside_vocabulary=dict(sorted(found.outside_vocabulary.items())),
+        camera="perspective" if snapshot.camera.type == "PERSP" else "orthographic",
+    )
+
+
+def content_sentence(content: SceneContent) -> str:
+    """One line: "2 of 9 objects labelled (1 cup, 1 bottle), outside the vocabulary: mug; ..."."""
+    if content.problem is not None:
+        return f"not readable: {one_line(content.problem, 200)}"
+    objects = plural(content.objects, "object", "objects")
+    if content.labelled:
+        count = sum(content.categories.values())
+        objects = f"{count} of {objects} labelled{_listed(content.categories)}"
+        if content.outside_vocabulary:
+            names = sorted(content.outside_vocabulary)
+            objects += f"; outside the vocabulary: {', '.join(map(repr, names[:_SHOWN]))}"
+            objects += f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"{objects}; {content.camera} camera"
+
+
+def _listed(counts: dict[str, int]) -> str:
+    if not counts:
+        return ""
+    most = sorted(counts.items(), key=lambda one: (-one[1], one[0]))
+    listed = [f"{count} {name}" for name, count in most[:_SHOWN]]
+    more = f", {len(most) - _SHOWN} more kinds" if len(most) > _SHOWN else ""
+    return f" ({', '.join(listed)}{more})"
