@@ -150,8 +150,9 @@ def read_cameras(path: str | Path) -> list[Camera]:
     """The cameras of a file, by their photos' names, in the file's order.
 
     path: COLMAP's folder (cameras.txt, images.txt or .bin; ETH3D's dslr_calibration_*),
-    nerfstudio's or NeRF's transforms.json, or scene_camera.json as BlenderProc and BOP write it,
-    beside or above its camera.json. Their conventions are converted: OpenCV axes, pixel centres at
+    nerfstudio's or NeRF's transforms.json, scene_camera.json as BlenderProc and BOP write it,
+    beside or above its camera.json, or BlenderProc's .hdf5 with `campose`, or a folder of them
+    (needs h5py). Their conventions are converted: OpenCV axes, pixel centres at
     .5, lens distortion where the file has one. Positions are in the file's own world and unit,
     millimetres of BOP as metres. Raises CalibrationError.
     """

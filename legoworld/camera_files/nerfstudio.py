@@ -72,10 +72,12 @@ def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
     model = said("camera_model")
     if model is not UNSET and model not in _MODELS:
         raise _unusable(path, frame, f"camera_model {model}", ", ".join(_MODELS))
-    matrix = frame.transform_matrix
-    if len(matrix) not in (3, 4) or any(len(row) != 4 for row in matrix):
-        raise _unusable(path, frame, "a transform_matrix of another shape", "4 rows of 4 numbers")
-    rows = cast("Pose", tuple((r[0], -r[1], -r[2], r[3]) for r in matrix[:3]))
+    try:
+        rows = pose_of_opengl(frame.transform_matrix)
+    except ValueError as error:
+        raise _unusable(
+            path, frame, f"a transform_matrix of {error}", "4 rows of 4 numbers"
+        ) from error
     width, height, fl_x = said("w"), said("h"), said("fl_x")
     if width is UNSET or height is UNSET:
         raise _unusable(path, frame, "no w and h", "the picture's width and height")
@@ -97,6 +99,13 @@ def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
         cy=height / 2 if cy is UNSET else cy,
         lens=make_lens(bends, fisheye=model == _FISHEYE),
     )
+
+
+def pose_of_opengl(matrix: list[list[float]]) -> Pose:
+    """world_from_cam of one with OpenGL's and Blender's camera axes. ValueError: of another shape."""
+    if len(matrix) not in (3, 4) or any(len(row) != 4 for row in matrix):
+        raise ValueError(f"{len(matrix)} rows")
+    return cast("Pose", tuple((r[0], -r[1], -r[2], r[3]) for r in matrix[:3]))
 
 
 def _unusable(path: Path, frame: _Frame, found: str, expected: str) -> CalibrationError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -145,9 +146,46 @@ def test_bop_is_in_millimetres_and_has_its_first_pixel_at_zero(tmp_path):
     assert np.array(first.world_from_cam)[:, 3].tolist() == [0, 0, 2]
 
 
+def hdf5(folder, name="0.hdf5", colors=(48, 64, 3), **changes):
+    """As BlenderProc's write_hdf5 leaves a frame of a pipeline with a CameraStateWriter."""
+    h5py = pytest.importorskip("h5py")
+    pose = {
+        # Blender's camera 4 above the origin, looking down, its up along +y.
+        "cam2world_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]],
+        "cam_K": [[50, 0, 31.5], [0, 50, 23.5], [0, 0, 1]],
+    }
+    pose = {key: value for key, value in {**pose, **changes}.items() if value is not None}
+    with h5py.File(folder / name, "w") as file:
+        file["campose"] = np.bytes_(json.dumps([pose]))
+        if colors:
+            file.create_dataset("colors", data=np.zeros(colors, np.uint8), compression="gzip")
+    return folder / name
+
+
+def test_blenderproc_s_hdf5_has_blender_s_axes_and_its_first_pixel_at_zero(tmp_path):
+    (camera,) = read_camera_file(hdf5(tmp_path))
+    assert (camera.name, camera.size_wh) == ("0", (64, 48))
+    assert pixel(camera, (0, 0, 0)) == (32, 24)  # the middle of the picture
+    assert pixel(camera, (1, 1, 0)) == (32 + 12.5, 24 - 12.5)  # y of the world is up
+    for name in ("10.hdf5", "2.hdf5"):
+        hdf5(tmp_path, name)
+    assert [one.name for one in read_camera_file(tmp_path)] == ["0", "2", "10"]
+
+
+def test_without_h5py_one_sentence_says_how_to_get_it(tmp_path, monkeypatch):
+    (tmp_path / "0.hdf5").write_bytes(b"")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(CalibrationError, match=r"0.hdf5 needs h5py.*pip install"):
+        read_camera_file(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("write", "words"),
     [
+        (lambda d: hdf5(d, colors=None), "which would tell the size"),
+        (lambda d: hdf5(d, cam_K=None), "cam_K"),
+        (lambda d: hdf5(d, cam2world_matrix=[[1.0]]), "1 rows"),
+        (lambda d: hdf5(d).write_bytes(b"no") and d, "0.hdf5 has no camera"),
         (lambda d: d / "none", "no such file"),
         (lambda d: colmap(d, camera="1 FOV 64 48 50 50 32 24 .1"), "model that is not read"),
         (lambda d: colmap(d, pose="0 0 0 0 0 0 0"), "no rotation"),
