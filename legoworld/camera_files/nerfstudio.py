@@ -102,7 +102,7 @@ def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
 
 
 def pose_of_opengl(matrix: list[list[float]]) -> Pose:
-    """world_from_cam of one with OpenGL's and Blender's camera axes. ValueError: of another shape."""
+    """world_from_cam of one with OpenGL's and Blender's axes. ValueError: not 4 x 4."""
     if len(matrix) not in (3, 4) or any(len(row) != 4 for row in matrix):
         raise ValueError(f"{len(matrix)} rows")
     return cast("Pose", tuple((r[0], -r[1], -r[2], r[3]) for r in matrix[:3]))
