@@ -30,15 +30,15 @@ _LONGEST_NAME: Final = 255
 _LONGEST_PATH: Final = 4095
 
 
-def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
-    """Have every argument that `CHECKS` knows looked at before the function begins."""
+def check_arguments(function: Callable[P, R], *, but: Iterable[str] = ()) -> Callable[P, R]:
+    """Have every argument that `CHECKS` knows, `but` some, looked at before the function begins."""
     signature = inspect.signature(function)
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         named = signature.bind(*args, **kwargs).arguments
         for name, value in {**named, **named.get("given", {})}.items():
-            if name in CHECKS:
+            if name in CHECKS and name not in but:
                 check_argument(name, value)
         return function(*args, **kwargs)
 

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack, overload
 
-from legoworld.api.arguments import check_arguments
+from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.by_task import ByTask, refuse_result_at
-from legoworld.api.evaluation import Evaluation
+from legoworld.api.evaluation import Evaluation, evaluate
+from legoworld.api.kept_answers import COMPARED, named_folder
 from legoworld.api.listener import SILENT, Listener
+from legoworld.api.scoring import Answers, Truth
 from legoworld.comparison.folder import COMPARISON
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.tables import Document, list_comparisons
 from legoworld.comparison.thresholds import FailedThreshold, thresholds_by_task
 from legoworld.errors import UsageError
+from legoworld.evaluation.family import LiveTruth
 from legoworld.records.base import as_json
 from legoworld.records.evidence import ComparisonSettings
+from legoworld.tasks.shipped import TaskName
+
+#: The sides of a comparison by name: evaluations, or answers in memory.
+Sides = Mapping[str, Evaluation | str | Path | Answers]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,11 +101,22 @@ def compare(
     output: str | Path,
     **options: Unpack[ComparisonOptions],
 ) -> ByTask[Comparison]: ...
-@check_arguments
+@overload
 def compare(
-    evaluations: Sequence[Evaluation | str | Path] | Sequence[ByTask[Evaluation]],
-    output: str | Path,
+    evaluations: Sides,
+    output: str | Path | None = ...,
     *,
+    truth: Truth | LiveTruth | None = ...,
+    task: TaskName | str | None = ...,
+    **options: Unpack[ComparisonOptions],
+) -> Comparison: ...
+@partial(check_arguments, but=("evaluations", "output", "truth"))
+def compare(
+    evaluations: Sequence[Evaluation | str | Path] | Sequence[ByTask[Evaluation]] | Sides,
+    output: str | Path | None = None,
+    *,
+    truth: Truth | LiveTruth | None = None,
+    task: TaskName | str | None = None,
     draws: int = 2000,
     seed: int = 0,
     fail_below: Sequence[str] = (),
@@ -108,7 +127,10 @@ def compare(
     """Compare the first evaluation, the scene's, with each of the others, and write the folder.
 
     evaluations: of one task, or the evaluations of several tasks: the scene's of each is then
-    compared, in output/<task>, with those of the others that have the task. draws, seed: number of
+    compared, in output/<task>, with those of the others that have the task. Or sides by name, the
+    scene's first: evaluations, or answers in memory that are evaluated against the truth as
+    `evaluate` does, into output/<name> beside output/comparison; without an output only the
+    document stays. draws, seed: number of
     bootstrap samples and RNG seed, shared by both sides. fail_below: "METRIC=DELTA" strings, the
     minimum gain of the scene; thresholds that are not met are in `Comparison.below`. Of several
     tasks, each holds for those that have the metric. allow_truth_prompts: accept a baseline that
@@ -117,8 +139,18 @@ def compare(
     Raises UsageError or IncomparableError (different ground truth, track, card, evaluator or
     version) before anything is written.
     """
-    several = [one for one in evaluations if isinstance(one, ByTask)]
     settings = ComparisonSettings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts)
+    if isinstance(evaluations, Mapping):
+        place, _, delete = named_folder(output)
+        try:
+            folders = _evaluated(evaluations, place, truth, task, settings, overwrite)
+            return _compare(folders, place / COMPARED, settings, fail_below, overwrite, listener)
+        finally:
+            delete()
+    check_argument("evaluations", evaluations)
+    check_argument("output", output)
+    assert output is not None
+    several = [one for one in evaluations if isinstance(one, ByTask)]
     if not several:
         single = [_folder(one) for one in evaluations if not isinstance(one, ByTask)]
         return _compare(single, Path(output), settings, fail_below, overwrite, listener)
@@ -156,6 +188,38 @@ def compare(
         for task, of_task in sides.items()
     }
     return ByTask(folder=Path(output), results=found)
+
+
+def _evaluated(
+    sides: Sides,
+    output: Path,
+    truth: Truth | LiveTruth | None,
+    task: str | None,
+    settings: ComparisonSettings,
+    overwrite: bool,
+) -> list[Path]:
+    """The folders of the sides' evaluations; answers in memory are evaluated into output/<name>."""
+    folders = []
+    for name, side in sides.items():
+        if isinstance(side, Evaluation | str | Path):
+            folders.append(_folder(side))
+            continue
+        if truth is None:
+            raise UsageError("answers in memory are compared with a truth", expected="truth=")
+        check_argument("output", name)
+        if Path(name).name != name or name == COMPARED:
+            raise UsageError("a side cannot have such a name", found=repr(name))
+        made = evaluate(
+            side,
+            output / name,
+            truth=truth,
+            task=task,
+            draws=settings.draws,
+            seed=settings.seed,
+            overwrite=overwrite,
+        )
+        folders.append(_folder(made))
+    return folders
 
 
 def _compare(

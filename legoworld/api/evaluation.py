@@ -2,44 +2,78 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack, overload
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypedDict, Unpack, cast, overload
 
-from legoworld.api.arguments import check_arguments
+from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
 from legoworld.api.family_options import options_by_task, own_options
 from legoworld.api.folders import parse_place, read_from, written_whole
+from legoworld.api.kept_answers import EVALUATION, keep_answers, named_folder
 from legoworld.api.listener import SILENT, Listener
+from legoworld.api.scoring import Answers, Truth, given_answers
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
+from legoworld.evaluation.family import EvaluationRequest, LiveTruth, load_evaluation_family
 from legoworld.evaluation.prepare_inputs import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import Coverage, Summary
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_image_rows, read_summary
 from legoworld.remote import Place
-from legoworld.tasks.registry import find_family
+from legoworld.tasks.registry import find_family, task_named
+from legoworld.tasks.shipped import NumberTask, PolicyTask
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.tasks import WorkerPool
 
+#: Values of a family's metrics, and of one whose metrics have a value by hole policy.
+Numbers = dict[str, float | None]
+NumbersByPolicy = dict[str, Numbers]
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    M = TypeVar("M", default=dict[str, Any], covariant=True)
+else:
+    from typing import TypeVar
+
+    M = TypeVar("M", covariant=True)
+
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluation:
-    """An evaluation folder. summary: summary.json; undefined numbers are None."""
+class Evaluation(Generic[M]):
+    """An evaluation folder. summary: summary.json; undefined numbers are None.
+
+    M: what `metrics` is; a checker knows it where the task was named.
+    """
 
     folder: Place
     summary: Summary
 
+    @overload
     @classmethod
-    @check_arguments
-    def open(cls, folder: str | Path) -> Evaluation:
-        """Open an existing evaluation. EvaluationFolderError for any other folder."""
+    def open(cls, folder: str | Path, *, task: NumberTask) -> Evaluation[Numbers]: ...
+    @overload
+    @classmethod
+    def open(cls, folder: str | Path, *, task: PolicyTask) -> Evaluation[NumbersByPolicy]: ...
+    @overload
+    @classmethod
+    def open(cls, folder: str | Path, *, task: str | None = ...) -> Evaluation: ...
+    @classmethod
+    def open(cls, folder: str | Path, *, task: str | None = None) -> Evaluation[Any]:
+        """Open an existing evaluation. task: which it must be of, None for any.
+
+        EvaluationFolderError for any other folder, UsageError for another task.
+        """
+        check_argument("folder", folder)
         place = parse_place(folder)
         with read_from(place) as here:
-            return cls(folder=place, summary=read_summary(here))
+            summary = read_summary(here)
+        _refuse_other("evaluation", place, summary.task, task)
+        return cls(folder=place, summary=summary)
 
     @property
     def task(self) -> str:
@@ -47,7 +81,7 @@ class Evaluation:
         return self.summary.task
 
     @property
-    def metrics(self) -> dict[str, Any]:
+    def metrics(self) -> M:
         """Metric values as fractions; for depth a dict by hole policy."""
         metrics: dict[str, Any] = {}
         for name, policy, value, _ in self.summary.metric_values():
@@ -55,7 +89,7 @@ class Evaluation:
                 metrics.setdefault(name, {})[policy] = value
             else:
                 metrics[name] = value
-        return metrics
+        return cast("M", metrics)
 
     @property
     def coverage(self) -> Coverage:
@@ -115,9 +149,35 @@ class EvaluationOptions(TypedDict, total=False):
     listener: Listener
 
 
+_Truth = Truth | LiveTruth
+
+
 @overload
 def evaluate(
-    run: str | Path, output: str | Path, *, truth: str | Path, **options: Unpack[EvaluationOptions]
+    run: str | Path | Answers,
+    output: str | Path | None = ...,
+    *,
+    truth: _Truth,
+    task: NumberTask,
+    **options: Unpack[EvaluationOptions],
+) -> Evaluation[Numbers]: ...
+@overload
+def evaluate(
+    run: str | Path | Answers,
+    output: str | Path | None = ...,
+    *,
+    truth: _Truth,
+    task: PolicyTask,
+    **options: Unpack[EvaluationOptions],
+) -> Evaluation[NumbersByPolicy]: ...
+@overload
+def evaluate(
+    run: str | Path | Answers,
+    output: str | Path | None = ...,
+    *,
+    truth: _Truth,
+    task: str | None = ...,
+    **options: Unpack[EvaluationOptions],
 ) -> Evaluation: ...
 @overload
 def evaluate(
@@ -127,12 +187,13 @@ def evaluate(
     truth: Mapping[str, str | Path],
     **options: Unpack[EvaluationOptions],
 ) -> ByTask[Evaluation]: ...
-@check_arguments
+@partial(check_arguments, but=("run", "output", "truth"))
 def evaluate(
-    run: str | Path,
-    output: str | Path,
+    run: str | Path | Answers,
+    output: str | Path | None = None,
     *,
-    truth: str | Path | Mapping[str, str | Path],
+    truth: _Truth | Mapping[str, str | Path],
+    task: str | None = None,
     evaluator: EvaluatorKind | None = None,
     camera_model: Literal["none", "dataset"] | None = None,
     reference_sampling: str | None = None,
@@ -148,7 +209,12 @@ def evaluate(
 
     run, output: folders or their URLs. truth: the dataset's own annotations, COCO or LVIS JSON,
     ETH3D's folder, or a bench's DATASET/private; or a mapping of these by task, for the folder of
-    the runs of several tasks: run/<task> is then evaluated into output/<task>. evaluator:
+    the runs of several tasks: run/<task> is then evaluated into output/<task>.
+
+    Or run: answers in memory, and truth, as `score` takes them. They are kept as a run below
+    output, beside output/evaluation; without an output all of it is deleted with the `Evaluation`.
+
+    task: which the run must be of, None for any. evaluator:
     "official" (pycocotools, lvis) or "fast" (hotcoco); None selects the official one where it is
     installed. camera_model: depth only; "dataset" warps a scene's pinhole depth through the
     dataset's camera. reference_sampling: bench only, "raster", "all" or "random:SEED"; diagnostics:
@@ -161,7 +227,6 @@ def evaluate(
     PredictionsInvalidError, RunUnusableError and others. Of several tasks all are tried, and then
     the first error is raised.
     """
-    source, top = parse_place(run), parse_place(output)
     request = _Request(
         draws=draws,
         seed=seed,
@@ -175,19 +240,27 @@ def evaluate(
         "reference_sampling": reference_sampling,
         "diagnostics": None if diagnostics else False,
     }
+    if not isinstance(run, str | Path):
+        if output is not None:
+            check_argument("output", output)
+        return request.evaluate_answers(run, cast("_Truth", truth), output, given, task)
+    for argument, value in (("run", run), ("output", output), ("truth", truth)):
+        check_argument(argument, value)
+    source, top = parse_place(run), parse_place(cast("str | Path", output))
     if not isinstance(truth, Mapping):
-        return request.evaluate(source, top, Path(truth), given)
+        return request.evaluate(source, top, Path(cast("str | Path", truth)), given, task)
+    truths = cast("Mapping[str, str | Path]", truth)
     refuse_result_at(top, EVIDENCE, "the evaluations of several tasks")
-    by_task = options_by_task(list(truth), **given)
+    by_task = options_by_task(list(truths), **given)
     found: dict[str, Evaluation] = {}
     errors: list[LegoWorldError] = []
-    for task, own in truth.items():
-        places = folder_of_task(source, task), folder_of_task(top, task)
+    for name, own in truths.items():
+        places = folder_of_task(source, name), folder_of_task(top, name)
         try:
-            found[task] = request.evaluate(*places, Path(own), by_task[task], task)
+            found[name] = request.evaluate(*places, Path(own), by_task[name], name)
         except LegoWorldError as error:
             if errors:
-                listener.warn(f"{task} was not evaluated: {error}")
+                listener.warn(f"{name} was not evaluated: {error}")
             errors.append(error)
     if errors:
         if found:
@@ -206,6 +279,26 @@ class _Request:
     pool: WorkerPool
     listener: Listener
 
+    def evaluate_answers(
+        self,
+        answers: Answers,
+        truth: _Truth,
+        output: str | Path | None,
+        given: Mapping[str, Any],
+        task: str | None,
+    ) -> Evaluation:
+        """Keep answers in memory as a run, and evaluate it."""
+        asked = given_answers(answers, truth, task=task, image_id=None)
+        folder, name, delete = named_folder(output)
+        try:
+            kept = keep_answers(asked, folder, name=name, overwrite=self.overwrite)
+            made = self.evaluate(kept.run, folder / EVALUATION, kept.truth, given)
+        except BaseException:
+            delete()
+            raise
+        weakref.finalize(made, delete)
+        return made
+
     def evaluate(
         self,
         source: Place,
@@ -222,8 +315,7 @@ class _Request:
         listener = self.listener
         with read_from(source) as here, written_whole(written, last=EVIDENCE) as folder:
             run = read_run(here)
-            if task not in (None, run.task):
-                raise UsageError(f"{task}/ holds another run", found=run.task, expected=task)
+            _refuse_other("run", source, run.task, task)
             listener.total(len(run.images))
             summary = load_evaluation_family(run.task).evaluate(
                 EvaluationRequest(
@@ -242,3 +334,9 @@ class _Request:
                 )
             )
         return Evaluation(folder=written, summary=summary)
+
+
+def _refuse_other(what: str, place: Place, task: str, expected: str | None) -> None:
+    if expected is not None and task != task_named(expected).name:
+        name = PurePosixPath(str(place)).name
+        raise UsageError(f"{name}/ holds another {what}", found=task, expected=expected)

@@ -30,10 +30,11 @@ Answers = SceneView | Picture | LiveAnswers | Mapping[int, SceneView]
 class Truth:
     """Ground truth in memory, checked once: every `score` against it costs its images alone.
 
-    held: what `family` made of it.
+    source: its file, or arrays by image id; held: what `family` made of it.
     """
 
     task: str
+    source: str | Path | Mapping[int, Picture]
     family: LiveFamily
     held: Any
 
@@ -51,7 +52,8 @@ class Truth:
         family = load_evaluation_family(task).live
         if family is None:
             raise UsageError(f"{task} is not scored in memory", next_step="evaluate a run folder")
-        return cls(task=task, family=family, held=family.open(task, truth))
+        source = {1: truth} if isinstance(truth, np.ndarray) else truth
+        return cls(task=task, source=source, family=family, held=family.open(task, source))
 
     @property
     def sizes_wh(self) -> Mapping[int, tuple[int, int]]:
@@ -81,6 +83,23 @@ def score(
 
     Raises UsageError, PredictionsInvalidError, TruthInvalidError or TruthMismatchError.
     """
+    given = given_answers(answers, truth, task=task, image_id=image_id)
+    return given.truth.score(given.answers, given.image_ids)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """Answers to images of a truth. image_ids: None for all of its images."""
+
+    truth: Truth
+    answers: LiveAnswers
+    image_ids: list[int] | None
+
+
+def given_answers(
+    answers: Answers, truth: Truth | LiveTruth, *, task: str | None, image_id: int | None
+) -> Given:
+    """What `score` is given, as results or arrays. UsageError, TruthInvalidError."""
     if image_id is not None:
         check_argument("image_id", image_id)
     one = isinstance(answers, SceneView | np.ndarray)
@@ -109,7 +128,7 @@ def score(
             results = [entry for own in made.values() for entry in own]
     else:
         results = views if one or isinstance(answers, Mapping) else answers
-    return held.score(results, ids)
+    return Given(truth=held, answers=results, image_ids=ids)
 
 
 def _only_image(truth: Truth) -> int:

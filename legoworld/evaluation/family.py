@@ -14,6 +14,7 @@ from legoworld.evaluation.checks import Check
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.prepare_inputs import HERE, Origins
 from legoworld.files import Json
+from legoworld.readouts.pixels import PixelFile
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import EvaluationEvidence
@@ -111,12 +112,13 @@ class LiveFamily:
 
     open: a task's whole ground truth, from its file or from arrays by image id; sizes_wh: of its
     images by id. score: task, truth, answers, and the images they are of, None for all of them.
-    Answers are results, or arrays by image id.
+    Answers are results, or arrays by image id; stored: how a file keeps such an array.
     """
 
     open: Callable[[str, LiveTruth], Any]
     sizes_wh: Callable[[Any], Mapping[int, tuple[int, int]]]
     score: Callable[[str, Any, LiveAnswers, Collection[int] | None], Scores]
+    stored: PixelFile | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,10 @@ class PixelFile:
         return 4 * size_wh[0] * size_wh[1] * self.channels + _CONTAINER_BYTES
 
     def write(
-        self, path: Path, values: NDArray[np.float32], others: Mapping[str, NDArray[Any]]
+        self,
+        path: Path,
+        values: NDArray[np.float32] | NDArray[np.float64],
+        others: Mapping[str, NDArray[Any]],
     ) -> None:
         """Write an array with its labels and further arrays or labels, atomically."""
         labels = {name: np.array(text) for name, text in self.labels.items()}

@@ -320,16 +320,14 @@ TASKS: Final = (
     ),
 )
 
-#: The shipped tasks, for type checkers and completion; packages add others.
-TaskName = Literal[
+#: The shipped tasks, for type checkers and completion; packages add others. A metric of the first
+#: kind is a number, one of the second has a number by hole policy: `Family.by_policy`.
+NumberTask = Literal[
     "coco",
     "coco-masks",
     "amodal",
     "boxes3d",
     "lvis",
-    "eth3d",
-    "normals",
-    "relations",
     "coco-panoptic",
     "coco-semantic",
     "voc-semantic",
@@ -337,6 +335,8 @@ TaskName = Literal[
     "cityscapes-semantic",
     "bench",
 ]
+PolicyTask = Literal["eth3d", "normals", "relations"]
+TaskName = Literal[NumberTask, PolicyTask]
 #: What a command asks where nobody says.
 DEFAULT: Final = "coco"
 #: The task of a bench, whose room serves it alone.

@@ -56,6 +56,20 @@ def make_track(
     truth, UsageError if it lacks the requested images.
     """
     source = load_track_family(task).source(task, truth, options or {})
+    return write_track(task, source, output, sample=sample, seed=seed, chosen=chosen, notice=notice)
+
+
+def write_track(
+    task: str,
+    source: Source,
+    output: Path,
+    *,
+    sample: int | None = None,
+    seed: int = 0,
+    chosen: Sequence[str] | None = None,
+    notice: Callable[[str], None] = lambda _text: None,
+) -> MadeTrack:
+    """`make_track` of a ground truth whose public half is known."""
     images = sorted(source.images, key=lambda image: image.id)
     if sample is not None:
         images = _draw_sample(images, sample, seed, source.name)

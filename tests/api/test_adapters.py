@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import shutil
+import warnings
 from types import ModuleType
 
 import cv2
@@ -43,7 +44,8 @@ def adapter(name: str, package: str | None = None) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with warnings.catch_warnings(action="ignore"):  # what it imports may warn of its own parts
+        spec.loader.exec_module(module)
     return module
 
 

@@ -36,9 +36,25 @@ def test_the_page_runs_as_a_stranger_runs_it(tmp_path):
     assert (folder / "comparisons" / "coco" / "comparison.json").is_file()
 
 
+#: What a checker must know of metrics after the page's last line.
+TYPED = """
+from typing import Any, assert_type
+
+from legoworld.api.by_task import ByTask
+
+Numbers = dict[str, float | None]
+assert_type(evaluation.metrics, Numbers)
+assert_type(near.metrics, dict[str, Numbers])
+assert_type(legoworld.Evaluation.open("e", task="lvis").metrics, Numbers)
+assert_type(legoworld.Evaluation.open("e", task="normals").metrics, dict[str, Numbers])
+assert_type(legoworld.Evaluation.open("e").metrics, dict[str, Any])
+assert_type(legoworld.evaluate("r", "e", truth={"coco": "t"}), ByTask[legoworld.Evaluation])
+"""
+
+
 def program(folder: Path) -> Path:
     path = folder / "python_page.py"
-    path.write_text("\n".join(examples()), encoding="utf-8")
+    path.write_text("\n".join([*examples(), TYPED]), encoding="utf-8")
     return path
 
 

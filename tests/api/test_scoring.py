@@ -16,7 +16,7 @@ from pycocotools.cocoeval import COCOeval
 
 import legoworld
 from legoworld.errors import SceneMissingError, UsageError
-from legoworld.tasks.shipped import TASKS, TaskName
+from legoworld.tasks.shipped import TASKS, PolicyTask, TaskName
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "examples"
@@ -70,6 +70,79 @@ def test_views_score_what_their_run_scores(views, truth, evaluated):
     for answers in (stored, results, results[::-1]):
         assert legoworld.score(answers, TRUTH, task="coco").metrics == official(answers)
     assert legoworld.score([], truth).metrics["AP"] == 0
+
+
+def test_views_evaluate_and_compare_as_their_run_does(views, truth, evaluated, tmp_path):
+    found = legoworld.evaluate(views, tmp_path / "own", truth=truth, task="coco", draws=5)
+    assert found.metrics == evaluated.metrics
+    assert found.table == evaluated.table  # the same intervals
+    assert found.coverage == evaluated.coverage
+    assert found.per_image() == evaluated.per_image()
+    assert {p.name for p in (tmp_path / "own").iterdir()} == {"run", "track.json", "evaluation"}
+    assert all(c.status == "ok" for c in legoworld.evidence_verify(found.folder))
+    again = legoworld.evaluate(views, tmp_path / "own", truth=TRUTH, task="coco", draws=5)
+    assert again.summary == found.summary
+    results = [{**entry, "score": 0.5} for i in BY_ID for entry in views[i].predictions(i)][1:]
+    sides = {"scene": views, "model": results, "folder": found}
+    compared = legoworld.compare(sides, tmp_path / "both", truth=truth, draws=5)
+    assert compared.folder == tmp_path / "both" / "comparison"
+    first = compared.table[0]
+    assert (first["scene"], first["baseline"], first["metric"]) == ("scene", "model", "AP")
+    assert first["scene_value"] == found.metrics["AP"] > first["baseline_value"]
+    (tmp_path / "results.json").write_text(json.dumps(results))
+    legoworld.track_make(tmp_path / "track.json", truth=TRUTH, task="coco")
+    imported = legoworld.baseline_import(
+        tmp_path / "results.json", tmp_path / "i", task="coco", track=tmp_path / "track.json",
+        category_ids="dataset",
+    )  # fmt: skip
+    model = legoworld.evaluate(imported.folder, tmp_path / "m", truth=TRUTH, draws=5)
+    assert model.metrics["AP"] == first["baseline_value"]
+    assert legoworld.compare([found, model], tmp_path / "c", draws=5).table[0] == {
+        **first, "scene": "own", "baseline": "results",
+    }  # fmt: skip
+
+
+def test_what_was_written_for_answers_in_memory_goes_with_the_result(views, truth):
+    found = legoworld.evaluate({3: views[3], 4: views[4]}, truth=truth, draws=5)
+    folder = found.folder
+    assert folder.is_dir()
+    assert found.coverage.attempted == 2
+    assert found.metrics == legoworld.score({3: views[3], 4: views[4]}, truth).metrics
+    del found
+    assert not folder.parent.exists()
+    compared = legoworld.compare({"a": {3: views[3]}, "b": {3: views[3]}}, truth=truth, draws=5)
+    assert {row["difference"] for row in compared.table} <= {0.0, None}
+    assert not compared.folder.exists()
+
+
+def test_arrays_evaluate_with_intervals():
+    true = np.linspace(1, 3, 600 * 4, dtype=np.float32).reshape(40, 60)
+    answers, truth = {1: true**1.1, 2: true**1.2}, {1: true, 2: true}
+    found = legoworld.evaluate(answers, truth=truth, task="eth3d", draws=20)
+    scores = legoworld.score(answers, truth, task="eth3d")
+    assert found.metrics == {name: dict(values) for name, values in scores.by_policy.items()}
+    assert found.table[0]["low"] < found.table[0]["value"] < found.table[0]["high"]
+    up = np.zeros((4, 6, 3), np.float32)
+    up[..., 1] = -1
+    assert legoworld.evaluate(up, truth=up, task="normals", draws=5).metrics["mean_deg"] == {
+        "error_90": 0, "exclude": 0,
+    }  # fmt: skip
+
+
+def test_memory_is_evaluated_with_a_truth_of_one_task(views, truth, evaluated):
+    with pytest.raises(UsageError, match="of one task"):
+        legoworld.evaluate([], truth=TRUTH)
+    with pytest.raises(UsageError, match="truth="):
+        legoworld.compare({"a": views, "b": views})
+    with pytest.raises(UsageError, match="such a name"):
+        legoworld.compare({"a/b": views, "b": views}, truth=truth)
+    with pytest.raises(UsageError, match="output"):
+        legoworld.evaluate(evaluated.folder, truth=TRUTH)
+    with pytest.raises(UsageError, match="another evaluation"):
+        legoworld.Evaluation.open(evaluated.folder, task="lvis")
+    arrays = np.ones((4, 6), np.float32)
+    with pytest.raises(UsageError, match="no such image"):
+        legoworld.evaluate({3: arrays}, truth={1: arrays, 2: arrays}, task="eth3d", draws=5)
 
 
 def test_one_image_is_scored_alone(views, truth, tmp_path):
@@ -181,4 +254,6 @@ def test_what_cannot_be_scored(views, truth):
 
 
 def test_the_typed_names_are_the_registrys():
-    assert get_args(TaskName) == tuple(task.name for task in TASKS)
+    assert sorted(get_args(TaskName)) == sorted(task.name for task in TASKS)
+    by_policy = {task.name for task in TASKS if task.family.by_policy}
+    assert set(get_args(PolicyTask)) == by_policy

@@ -1,0 +1,102 @@
+"""Answers in memory as the run and the ground truth that an evaluation is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, cast
+
+from legoworld.api.baselines import baseline_import
+from legoworld.api.scoring import Given
+from legoworld.api.tracks import track_make
+from legoworld.evaluation.family import Picture
+from legoworld.files import canonical_json, sha256_of_text, write_text
+from legoworld.readouts.pixels import PixelFile
+from legoworld.records.base import canonical
+from legoworld.records.track import ImageInfo
+from legoworld.track_making.make_track import write_track
+from legoworld.tracks.source import Source
+from legoworld.tracks.track import TrackImage, load_track
+from legoworld.workers.scratch import ScratchFolder, scratch_folder
+
+#: Names in the folders of answers in memory.
+EVALUATION: Final = "evaluation"
+COMPARED: Final = "comparison"
+_RUN, _TRUTH, _TRACK = "run", "truth", "track.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kept:
+    """The folders. truth: a file that was read, or the arrays."""
+
+    run: Path
+    truth: Path
+
+
+def named_folder(output: str | Path | None) -> tuple[Path, str, Callable[[], None]]:
+    """A folder, the name of what is in it, and what deletes it: one of its own for None."""
+    if output is not None:
+        return Path(output), Path(output).name, lambda: None
+    scratch = ScratchFolder("legoworld-answers-")
+    return scratch.path, "answers", scratch.close
+
+
+def keep_answers(given: Given, folder: Path, *, name: str, overwrite: bool) -> Kept:
+    """Write folder/run, folder/track.json, and folder/truth of arrays. name: of the run.
+
+    Raises as `baseline_import` and `track_make`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    truth, track = _keep_truth(given, folder)
+    with scratch_folder("legoworld-answers-") as scratch:
+        answers, stored = scratch / "answers", given.truth.family.stored
+        declared: dict[str, Any] = {}
+        if stored is None:
+            answers = scratch / "answers.json"
+            write_text(answers, canonical_json(list(given.answers)))
+            declared["category_ids"] = "dataset"
+        else:
+            arrays = cast("Mapping[int, Picture]", given.answers)
+            _keep_arrays(stored, answers, arrays, load_track(track).images)
+        baseline_import(
+            answers,
+            folder / _RUN,
+            task=given.truth.task,
+            track=track,
+            name=name,
+            overwrite=overwrite,
+            **declared,
+        )
+    return Kept(run=folder / _RUN, truth=truth)
+
+
+def _keep_truth(given: Given, folder: Path) -> tuple[Path, Path]:
+    """The ground truth and its track, of the images that are answered."""
+    held, track = given.truth, folder / _TRACK
+    every = given.image_ids is None or {*given.image_ids} == {*held.sizes_wh}
+    chosen = None if every else [*map(str, given.image_ids or ())]
+    if isinstance(held.source, str | Path):
+        track_make(track, truth=held.source, task=held.task, images=chosen, overwrite=True)
+        return Path(held.source), track
+    images = tuple(
+        ImageInfo(id=i, file_name=f"{i}.png", width=w, height=h)
+        for i, (w, h) in sorted(held.sizes_wh.items())
+    )
+    source = Source(
+        name="arrays", version="custom", sha256=sha256_of_text(canonical(images)), images=images
+    )
+    write_track(held.task, source, track, chosen=chosen)
+    assert held.family.stored is not None
+    _keep_arrays(held.family.stored, folder / _TRUTH, held.source, load_track(track).images)
+    return folder / _TRUTH, track
+
+
+def _keep_arrays(
+    stored: PixelFile, folder: Path, arrays: Mapping[int, Picture], images: tuple[TrackImage, ...]
+) -> None:
+    """Write the array of each image."""
+    for image in images:
+        path = folder / f"{image.scene}.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stored.write(path, arrays[image.id], {})
