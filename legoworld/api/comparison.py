@@ -6,26 +6,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, Final, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.by_task import ByTask, refuse_result_at
 from legoworld.api.evaluation import Evaluation, evaluate
-from legoworld.api.kept_answers import COMPARED, named_folder
 from legoworld.api.listener import SILENT, Listener
-from legoworld.api.scoring import Answers, Truth
 from legoworld.comparison.folder import COMPARISON
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.tables import Document, list_comparisons
 from legoworld.comparison.thresholds import FailedThreshold, thresholds_by_task
 from legoworld.errors import UsageError
-from legoworld.evaluation.family import LiveTruth
 from legoworld.records.base import as_json
 from legoworld.records.evidence import ComparisonSettings
 from legoworld.tasks.shipped import TaskName
 
-#: The sides of a comparison by name: evaluations, or answers in memory.
-Sides = Mapping[str, Evaluation | str | Path | Answers]
+if TYPE_CHECKING:
+    from legoworld.api.scoring import Answers, Truth
+    from legoworld.evaluation.family import LiveTruth
+
+    #: The sides of a comparison by name: evaluations, or answers in memory.
+    Sides = Mapping[str, Evaluation | str | Path | Answers]
+#: The folder of a comparison of such sides, beside theirs.
+_COMPARISON: Final = "comparison"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,10 +144,12 @@ def compare(
     """
     settings = ComparisonSettings(draws=draws, seed=seed, allow_truth_prompts=allow_truth_prompts)
     if isinstance(evaluations, Mapping):
+        from legoworld.api.kept_answers import named_folder
+
         place, _, delete = named_folder(output)
         try:
             folders = _evaluated(evaluations, place, truth, task, settings, overwrite)
-            return _compare(folders, place / COMPARED, settings, fail_below, overwrite, listener)
+            return _compare(folders, place / _COMPARISON, settings, fail_below, overwrite, listener)
         finally:
             delete()
     check_argument("evaluations", evaluations)
@@ -207,7 +212,7 @@ def _evaluated(
         if truth is None:
             raise UsageError("answers in memory are compared with a truth", expected="truth=")
         check_argument("output", name)
-        if Path(name).name != name or name == COMPARED:
+        if Path(name).name != name or name == _COMPARISON:
             raise UsageError("a side cannot have such a name", found=repr(name))
         made = evaluate(
             side,

@@ -13,12 +13,10 @@ from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
 from legoworld.api.family_options import options_by_task, own_options
 from legoworld.api.folders import parse_place, read_from, written_whole
-from legoworld.api.kept_answers import EVALUATION, keep_answers, named_folder
 from legoworld.api.listener import SILENT, Listener
-from legoworld.api.scoring import Answers, Truth, given_answers
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.family import EvaluationRequest, LiveTruth, load_evaluation_family
+from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
 from legoworld.evaluation.prepare_inputs import Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
@@ -36,6 +34,10 @@ NumbersByPolicy = dict[str, Numbers]
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
 
+    from legoworld.api.scoring import Answers, Truth
+    from legoworld.evaluation.family import LiveTruth
+
+    _Truth = Truth | LiveTruth
     M = TypeVar("M", default=dict[str, Any], covariant=True)
 else:
     from typing import TypeVar
@@ -147,9 +149,6 @@ class EvaluationOptions(TypedDict, total=False):
     engine: EngineName
     overwrite: bool
     listener: Listener
-
-
-_Truth = Truth | LiveTruth
 
 
 @overload
@@ -288,6 +287,9 @@ class _Request:
         task: str | None,
     ) -> Evaluation:
         """Keep answers in memory as a run, and evaluate it."""
+        from legoworld.api.kept_answers import EVALUATION, keep_answers, named_folder
+        from legoworld.api.scoring import given_answers
+
         asked = given_answers(answers, truth, task=task, image_id=None)
         folder, name, delete = named_folder(output)
         try:

@@ -20,9 +20,8 @@ from legoworld.tracks.source import Source
 from legoworld.tracks.track import TrackImage, load_track
 from legoworld.workers.scratch import ScratchFolder, scratch_folder
 
-#: Names in the folders of answers in memory.
+#: Names in the folder of an evaluation of answers in memory.
 EVALUATION: Final = "evaluation"
-COMPARED: Final = "comparison"
 _RUN, _TRUTH, _TRACK = "run", "truth", "track.json"
 
 
