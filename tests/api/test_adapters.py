@@ -86,3 +86,11 @@ def test_a_hugging_face_dataset_has_images_and_class_labels(view, photo):
     label = (feature[0] if isinstance(feature, list) else feature.feature)["category"]
     shown = [label.int2str(one["category"]) for one in row["objects"]]
     assert shown == [i.category for i in view.labelled]
+
+
+def test_torchvision_s_detector_learns_from_views(view):
+    module = adapter("train_torchvision", "torchvision")
+    module.torch.manual_seed(0)
+    losses = module.train([view], 12)
+    assert np.isfinite(losses).all()
+    assert sum(losses[-4:]) < sum(losses[:4])
