@@ -5,7 +5,6 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from msgspec.structs import replace
 
 from legoworld.evaluation.reconstruction.text import (
     _joints,
