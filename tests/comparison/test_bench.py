@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -132,6 +133,8 @@ def test_the_compare_command_prints_the_headline(made, tmp_path, capsys):
     assert cli.run([*words, "--draws", "50"]) == 0
     out = capsys.readouterr().out
     assert "5 paired of 6 attempted" in out
+    assert re.search(r"^not paired in bench, ", out, re.M)
+    assert re.search(r"^\d+ notes? on interpretation, and all tables: -v$", out, re.M)
     assert cli.run([*words, "--draws", "50", "-v"]) == 0
     assert "not valid as 0" in capsys.readouterr().out
     assert cli.run([*words, "--draws", "50", "--fail-below", "S=0.9"]) == 3
