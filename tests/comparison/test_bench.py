@@ -97,14 +97,15 @@ def test_a_side_without_appearance_has_no_number_of_it(made, tmp_path):
     first = board.rows[0].groups[0].metrics
     assert [(first[m].mean, first[m].sd, first[m].interval) for m in "AS"] == [(None,) * 3] * 2
     assert next(line[-1] for line in long_table(board).rows if line[5] == "A") == "6"
-    # Of two runs, one without A: no mean and no spread of the other alone.
+    # Of three runs, one without A: no mean and no spread of the other alone.
     run = write_run(tmp_path / "run2", dataset, agent={"agent": "agent c", "model": "m"})
     evaluate_bench(run, dataset.private, tmp_path / "c2", draws=10)
-    (row,) = leaderboard(read_entries([tmp_path / "c1", tmp_path / "c2"]), draws=10).rows
+    runs = [tmp_path / "c1", tmp_path / "c2", tmp_path / "c2"]
+    (row,) = leaderboard(read_entries(runs), draws=10).rows
     found = row.groups[0].metrics
-    assert found["A"].runs == (None, 1.0)
+    assert found["A"].runs == (None, 1.0, 1.0)
     assert (found["A"].mean, found["A"].sd, found["A"].interval) == (None, None, None)
-    assert (found["R"].runs, found["R"].mean, found["R"].sd) == ((1.0, 1.0), 1.0, 0.0)
+    assert (found["R"].runs, found["R"].mean, found["R"].sd) == ((1.0,) * 3, 1.0, 0.0)
 
 
 def test_an_evaluation_beside_itself_differs_by_nothing(made, tmp_path):
