@@ -12,7 +12,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import click
 
@@ -116,7 +116,7 @@ def _run(arguments: list[str] | None) -> int:
     """
     words = sys.argv[1:] if arguments is None else arguments
     try:
-        result: Any = main.main(words, prog_name="legoworld", standalone_mode=False)
+        code: int = main.main(words, prog_name="legoworld", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
     except (click.Abort, KeyboardInterrupt):
@@ -144,7 +144,7 @@ def _run(arguments: list[str] | None) -> int:
             err=True,
         )
         return exit_codes.BLOCKED
-    return result if isinstance(result, int) else exit_codes.DONE
+    return code
 
 
 def _after_ctrl_c(words: Sequence[str]) -> str:

@@ -214,7 +214,7 @@ def _remove(path: Path) -> None:
     if path.is_dir() and not path.is_symlink():
         remove_folder(path)
     else:
-        path.unlink(missing_ok=True)
+        path.unlink()
 
 
 def _read(path: Path, kind: type[_File]) -> _File | None:

@@ -48,7 +48,7 @@ class UndeterminedError(Exception):
 
 
 def manhattan_camera(gray: NDArray[np.uint8], hfov_deg: float) -> ManhattanCamera:
-    """The camera's rotation to the world of the photo's walls. UntoldError where it cannot tell.
+    """The camera's rotation to the world of the photo's walls; UndeterminedError if unknown.
 
     gray: (H, W) uint8; hfov_deg: horizontal field of view of the whole width; the principal point
     is taken in the middle. The same photo gives the same answer.
@@ -167,8 +167,8 @@ def _rotation(turn: NDArray[np.float64]) -> NDArray[np.float64]:
 def _upright(axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Name the directions: up needs the least roll and pitch, x is nearest to the picture's right.
 
-    UntoldError where another direction could be up as well: a camera that looks down by 48 degrees
-    along a wall sees the lines of one that looks up by 42.
+    UndeterminedError where another direction could be up as well: a camera that looks down by 48
+    degrees along a wall sees the lines of one that looks up by 42.
     """
     tilts = [_tilt_deg(axis) for axis in axes]
     first, second, _ = np.argsort(tilts, kind="stable").tolist()

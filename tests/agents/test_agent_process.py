@@ -23,15 +23,18 @@ version = "1"
 documentation = "none"
 run = true
 checked = "by this test"
-command = ["/bin/sh", "-c", 'cat "$1" "$2" "$3" "$4" "$5"; echo more > "$6/more"', "sh",
-  "{home}/.own/login", "{mcp_config}", "{prompt_file}", "{steps}", "{home}/.own/kept/before",
-  "{home}/.own/kept"]
-session_folders = [".own/kept"]
+command = ["/bin/sh", "-c",
+  'cat "$1" "$2" "$3" "$4" "$5"; echo more > "$6/more"; echo "$KEY_OF_MINE"; ls -d "$7"',
+  "sh", "{home}/.own/login", "{mcp_config}", "{prompt_file}", "{steps}", "{home}/.own/kept/before",
+  "{home}/.own/kept", "{home}/.other/deep/kept"]
+session_folders = [".own/kept", ".other/deep/kept"]
 network = false
 time_limit_s = 60.0
 mcp = {format = "mcp_servers", path = "{home}/mcp.json"}
 transcript = {format = "atif"}
-needs = {install = "none", credentials = [".own/login", ".own/none"]}
+needs.install = "none"
+needs.variables = ["KEY_OF_MINE", "NONE_OF_MINE"]
+needs.credentials = [".own/login", ".own/none"]
 """
 
 
@@ -52,6 +55,7 @@ def order(tmp_path, monkeypatch):
     (image,) = work.track.images
     workspace = make_workspace(work, image, unfinished.workspace, time_limit_s=60.0)
     assert workspace is not None
+    monkeypatch.setenv("KEY_OF_MINE", "my key")
     monkeypatch.setattr("legoworld.agents.agent_process.home_folder", lambda: tmp_path / "home")
     return Order(
         card=read_agent_card(tmp_path / "own.toml"), workspace=workspace, port=9900,
@@ -69,7 +73,10 @@ def test_an_agent_finds_its_login_its_servers_its_prompt_and_what_it_kept(order)
     servers, end = json.JSONDecoder().raw_decode(said)
     assert login == "my login"
     assert [*servers["mcpServers"]] == ["blender", "legoworld"]
-    assert said[end:].strip() == f"{order.workspace.prompt}the steps\nwhat it kept"
+    *rest, key, other = said[end:].strip().splitlines()
+    assert "\n".join(rest) == f"{order.workspace.prompt}the steps\nwhat it kept"
+    assert key == "my key"
+    assert other.endswith("/.other/deep/kept")
     kept = order.unfinished.agent / "sandbox" / "output" / "session" / ".own" / "kept"
     assert {path.name for path in kept.iterdir()} == {"before", "more"}
 

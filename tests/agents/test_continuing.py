@@ -252,10 +252,15 @@ def test_a_continued_trial_has_what_is_left_of_its_time(track: Path, monkeypatch
     assert about.agent_seconds >= used_s
 
 
-def call(number: int, code: str | None, status: Literal["success", "error"] = "success") -> Call:
+def call(
+    number: int,
+    code: str | None,
+    status: Literal["success", "error"] = "success",
+    by: Literal["agent", "plugin"] = "agent",
+) -> Call:
     return Call(
         number=number, command="execute_code", code=code, at_s=number, seconds=1, said="",
-        status=status, checkpoint=None,
+        status=status, checkpoint=None, by=by,
     )  # fmt: skip
 
 
@@ -269,6 +274,8 @@ def test_steps_after_the_last_answered_one_are_left():
     assert steps_left(steps, []) == steps
     assert steps_left(steps, [call(1, None), call(2, "a")]) == steps[1:]
     assert steps_left(steps, [call(1, "a"), call(2, "other"), call(3, "b")]) == steps[3:]
+    by_plugin = [call(1, "a"), call(2, "b", by="plugin")]
+    assert steps_left(steps, by_plugin) == steps[1:], "the plugin's code is no step's"
     played = [call(1, "a"), call(2, "b"), call(3, "a", "error")]
     assert steps_left(steps, played) == [], "nothing follows a step that had to succeed"
     assert steps_left(steps, [*played[:2], call(3, "a")]) == steps[4:]

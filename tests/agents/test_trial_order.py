@@ -240,3 +240,11 @@ def test_a_run_that_is_stopped_leaves_what_a_later_one_continues(made):
     assert made.unfinished.read_begun() == BEGUN
     assert made.unfinished.read_ended() is None
     assert made.said("finalise") == []
+
+
+def test_a_run_that_is_stopped_while_it_finalises_writes_no_scene(made, monkeypatch):
+    monkeypatch.setattr(trial, "finalise", lambda *_, **__: made.stop.now())
+    with pytest.raises(TrialStoppedError):
+        made.run()
+    assert made.unfinished.read_ended() is not None
+    assert made.said("result") == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -96,6 +97,15 @@ def test_a_side_without_appearance_has_no_number_of_it(made, tmp_path):
     first = board.rows[0].groups[0].metrics
     assert [(first[m].mean, first[m].sd, first[m].interval) for m in "AS"] == [(None,) * 3] * 2
     assert next(line[-1] for line in long_table(board).rows if line[5] == "A") == "6"
+    # Of three runs, one without A: no mean and no spread of the other alone.
+    run = write_run(tmp_path / "run2", dataset, agent={"agent": "agent c", "model": "m"})
+    evaluate_bench(run, dataset.private, tmp_path / "c2", draws=10)
+    runs = [tmp_path / "c1", tmp_path / "c2", tmp_path / "c2"]
+    (row,) = leaderboard(read_entries(runs), draws=10).rows
+    found = row.groups[0].metrics
+    assert found["A"].runs == (None, 1.0, 1.0)
+    assert (found["A"].mean, found["A"].sd, found["A"].interval) == (None, None, None)
+    assert (found["R"].runs, found["R"].mean, found["R"].sd) == ((1.0,) * 3, 1.0, 0.0)
 
 
 def test_an_evaluation_beside_itself_differs_by_nothing(made, tmp_path):
@@ -124,6 +134,8 @@ def test_the_compare_command_prints_the_headline(made, tmp_path, capsys):
     assert cli.run([*words, "--draws", "50"]) == 0
     out = capsys.readouterr().out
     assert "5 paired of 6 attempted" in out
+    assert re.search(r"^not paired in bench, ", out, re.M)
+    assert re.search(r"^\d+ notes? on interpretation, and all tables: -v$", out, re.M)
     assert cli.run([*words, "--draws", "50", "-v"]) == 0
     assert "not valid as 0" in capsys.readouterr().out
     assert cli.run([*words, "--draws", "50", "--fail-below", "S=0.9"]) == 3

@@ -8,6 +8,7 @@ import socket
 import threading
 from contextlib import closing
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
@@ -22,7 +23,7 @@ from legoworld.endpoint.listener import HOST, Listener, PortTakenError
 from legoworld.endpoint.serve import EndpointOptions, open_endpoint, record_path
 from legoworld.endpoint.server import MOST_CLIENTS, EndpointServer
 from legoworld.endpoint.session import Session, Trial
-from legoworld.records.endpoint import BlenderReply, Command, Success
+from legoworld.records.endpoint import BlenderReply, Command, Failure, Success
 from legoworld.workers.protections import protections
 
 PNG = b"\x89PNG\r\n\x1a\n" + (13).to_bytes(4, "big") + b"IHDR" + b"\0\0\0\1" * 2 + bytes(32)
@@ -308,3 +309,15 @@ def test_after_its_time_a_trial_answers_no_further_call(tmp_path, used_s, answer
     assert isinstance(found, Success) is answered
     if not answered:
         assert "s are over; no further call is possible" in found.message
+
+
+def test_a_trial_s_time_is_over_when_all_of_it_is_used(tmp_path, monkeypatch):
+    (tmp_path / "workspace").mkdir()
+    monkeypatch.setattr(Session, "_answer_command", lambda *_: Success(result={}))
+    monkeypatch.setattr("legoworld.endpoint.session.time", SimpleNamespace(monotonic=lambda: 64.0))
+    trial = trial_in(tmp_path)
+    with closing(Session(trial)) as session:
+        for left_s, kind in ((2.0**-20, Success), (0.0, Failure)):
+            session.restart_clock(trial.limits.time_s - left_s)
+            found = session.answer(Command(type="execute_code", params={"code": "1"}))
+            assert isinstance(found, kind)

@@ -63,6 +63,8 @@ def test_a_case_from_a_commit_to_its_files(case, run, tmp_path):
     assert {p.name for p in folder.iterdir()} == set(done.files)
     assert cv2.imread(str(folder / "render.png")).shape == (54, 96, 3)
     assert list_unfinished(case.ledger.entries, []) == ()
+    last = case.ledger.entries[-1]
+    assert (last.tool, last.request) == ("export", {"render_wh": [96, 54]})
 
     run("import bpy; bpy.data.objects['Cup'].location.z += 1")
     with pytest.raises(StaleError, match="no such render"):

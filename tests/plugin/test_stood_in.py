@@ -9,12 +9,15 @@ import threading
 from contextlib import contextmanager
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from plugin.talking import called
 
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin import live as live_module
+from legoworld.plugin import small_render
 from legoworld.plugin.artefacts import Artefacts, find_kind
 from legoworld.plugin.connection import (
     Address,
@@ -29,6 +32,7 @@ from legoworld.plugin.ledger import LedgerBrokenError
 from legoworld.plugin.live import LiveBlender, NotRestoredError
 from legoworld.plugin.live_copy import COPY
 from legoworld.plugin.open_ledger import OpenLedger, TransactionError
+from legoworld.plugin.server import plugin_server
 from legoworld.plugin.server_answers import answer, answer_text, decode_arguments
 from legoworld.plugin.state import compute_signature
 from legoworld.records.base import canonical
@@ -303,6 +307,61 @@ def test_an_answer_has_the_last_state_and_line():
     assert json.loads(answer_text(case(entries), b=2)) == {
         "b": 2, "scene_signature": "t", "ledger_seq": 5,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("tools", "phase", "resumed"),
+    [
+        (["begin", "diff"], "open", False),
+        (["begin", "resume"], "open", True),
+        (["begin", "resume", "rollback"], "idle", False),
+        (["begin", "resume", "commit", "begin"], "open", False),
+        (["begin", "resume", "begin fails"], "open", True),
+        ([], "idle", False),
+    ],
+)
+def test_a_client_is_told_that_its_transaction_was_resumed(tools, phase, resumed):
+    entries = [
+        SimpleNamespace(
+            tool=tool.split()[0], error="no" if " " in tool else None, seq=n, scene_signature="s"
+        )
+        for n, tool in enumerate(tools, 1)
+    ]
+    case = SimpleNamespace(
+        ledger=SimpleNamespace(entries=entries), calling=threading.Lock(), live=None, phase=phase,
+        transaction=7,
+    )  # fmt: skip
+    ((failed, said),) = called(plugin_server(case, None), ("status", {}))
+    assert not failed, said
+    found = json.loads(said)
+    assert (found["phase"], found["transaction"], found["resumed"]) == (phase, 7, resumed)
+
+
+@pytest.mark.parametrize(
+    ("photo_wh", "asked"), [((640, 480), (192, 144)), ((96, 192), (96, 192)), ((4000, 2), (192, 1))]
+)
+def test_a_small_render_is_of_the_photo_s_shape_and_its_light_is_rec_709(
+    monkeypatch, photo_wh, asked
+):
+    rgb = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]], np.uint8)
+    png = cv2.imencode(".png", rgb[:, :, ::-1])[1].tobytes()
+    told = []
+
+    def render_copy(*words, samples):
+        told.append((*words, samples))
+        return png
+
+    monkeypatch.setattr(small_render, "render_copy", render_copy)
+    luma = small_render.render_luma("the copy", "Blender", photo_wh)
+    assert told == [("the copy", "Blender", asked, 16)]
+    assert luma == pytest.approx(np.array([[0.2126, 0.7152, 0.0722, 1.0]]))
+
+
+def test_a_small_picture_is_spread_by_its_nearest_pixels():
+    small = np.arange(6.0).reshape(2, 3)
+    assert (small_render.spread(small, (6, 4)) == small.repeat(2, 0).repeat(2, 1)).all()
+    assert (small_render.spread(small, (4, 3))[0] == [0, 0, 1, 2]).all()
+    assert (small_render.spread(small, (4, 3))[:, 0] == [0, 0, 3]).all()
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from plugin.synthetic import SIZE, camera, picture, room
 
-from legoworld.plugin.vanishing_points import UndeterminedError, _segments, manhattan_camera
+from legoworld.plugin.vanishing_points import (
+    UndeterminedError,
+    _best_proposal,
+    _segments,
+    manhattan_camera,
+)
 
 
 def error_deg(estimate, truth):
@@ -95,3 +100,9 @@ def test_a_line_shorter_than_a_fiftieth_of_the_diagonal_tells_nothing(length, fo
     assert len(segments) >= found
     assert (len(segments) == 0) == (found == 0)
     assert list(lengths) == sorted(lengths, reverse=True)
+
+
+def test_lines_that_are_one_line_cross_nowhere():
+    normals = np.tile([0.0, 0.6, 0.8], (9, 1))
+    with pytest.raises(UndeterminedError, match="all lines"):
+        _best_proposal(normals, np.ones(9))

@@ -50,6 +50,16 @@ def test_what_hides_little_is_the_subject(half, warned):
     assert bool(found) is warned
 
 
+@pytest.mark.parametrize(("hidden", "warned"), [(0.235, True), (0.225, False)])
+def test_a_fourth_is_of_the_object_and_not_of_the_view(hidden, warned):
+    """The wall has 0.92 of the picture, something beside it 0.04; a fourth of the wall is 0.23."""
+    wall = SQUARE * np.array([0.46, 20, 1], np.float32)
+    half = (hidden * 10 * 7.5) ** 0.5 / 2
+    found = filled(("Wall", wall, at(0, 0, 9)), ("Beside", LARGE, at(20.46, 0, 9)),
+                   ("Scene", SQUARE * half, at(0, 0, 0)))  # fmt: skip
+    assert bool(found) is warned
+
+
 def test_one_object_alone_and_none_at_all_hide_nothing():
     assert filled(("Wall", LARGE, at(0, 0, 9))) is None
     assert filled(("Behind", LARGE, at(0, 0, 20))) is None

@@ -16,7 +16,7 @@ from legoworld.evaluation.depth.metrics import error_sums
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.rows import worse_than_constant
 from legoworld.evaluation.depth.scoring import ImageScore, score_image
-from legoworld.evaluation.pixels.resampling import sampler
+from legoworld.evaluation.pixels.resampling import SampledPrediction, sampler
 
 PROTOCOL = depth_protocol(load_card("eth3d"))
 Array = NDArray[Any]
@@ -265,3 +265,46 @@ def test_a_ratio_on_the_threshold_is_no_hit() -> None:
     for predicted, true in ((bounds, np.ones(3)), (1 / bounds, np.ones(3))):
         sums = error_sums(predicted, true, 1.25)
         assert (sums.delta1, sums.delta2, sums.delta3) == (0, 1, 2)
+
+
+def test_a_band_without_truth_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    predicted, truth = random_case(11)
+    truth[:3] = np.nan
+    whole = score(predicted, truth)
+    monkeypatch.setattr(scoring, "_BAND_PX", truth.shape[1])
+    assert score(predicted, truth).counts == whole.counts
+    assert whole.counts.truth > 0
+
+
+def test_pixels_outside_of_the_prediction_s_view_are_counted() -> None:
+    def sample(rows: Array, cols: Array) -> SampledPrediction:
+        outside = cols >= 30
+        values = np.where(outside, 0.0, 1.0 / (1 + cols))
+        return SampledPrediction(values=values, predicted=~outside, outside=outside)
+
+    truth = np.tile(1.0 + np.arange(40), (5, 1))
+    assert score_image(truth, sample, PROTOCOL).counts == scoring.Counts(
+        truth=200, predicted=150, outside=50
+    )
+
+
+def test_the_constant_under_exclude_is_of_the_predicted_pixels() -> None:
+    truth = np.array([[1.0] * 10 + [3.0] * 10 + [5.0] * 10])
+    disparity = np.array([[3.0, 1.0] * 10 + [np.nan] * 10])
+    found = score(disparity, truth, "disparity").constant
+    assert found is not None
+    on_seen, on_all = (len(z) / sum(1 / x for x in z) for z in (truth[0, :20], truth[0]))
+    exclude, whole = (
+        float(np.mean(np.abs(z - truth[0, :n]) / truth[0, :n]))
+        for z, n in ((on_seen, 20), (on_all, 30))
+    )
+    assert found["abs_rel"] == pytest.approx(
+        {"exclude": exclude, "error_1": whole, "far": whole}, rel=1e-12
+    )
+
+
+@pytest.mark.parametrize(("above", "worse"), [(1.5e-9, ()), (2.5e-9, ("exclude",))])
+def test_rounding_is_not_worse_than_the_constant(above: float, worse: tuple[str, ...]) -> None:
+    zero = dict.fromkeys(("error_1", "exclude", "far"), 1.0)
+    ours = zero | {"exclude": 1.0 + above}
+    assert worse_than_constant({"abs_rel": ours}, {"abs_rel": zero}) == worse

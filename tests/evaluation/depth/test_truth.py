@@ -10,6 +10,7 @@ import pytest
 from evaluation.depth.folders import plane, write_arrays, write_eth3d
 
 from legoworld.depth_files.errors import DepthFileError
+from legoworld.evaluation.depth.declaration import read_declaration
 from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import (
     find_calibration,
@@ -138,3 +139,25 @@ def test_scene_of() -> None:
     assert parse_scene_name(NAME) == "courtyard"
     assert parse_scene_name("courtyard/DSC_0286.JPG") is None
     assert parse_scene_name("x/" + NAME) is None
+
+
+@pytest.mark.parametrize(
+    ("line", "fits"),
+    [
+        ("invalid_value = 0", True), ("invalid_value = 65535", True),
+        ("invalid_value = -1", False), ("invalid_value = 65536", False),
+        ("invalid_value = true", False), ("invalid_value = 1.0", False),
+        ("intrinsics_px = [1, 2, 3, 4]", True), ("intrinsics_px = [1, 2, 3]", False),
+        ("intrinsics_px = [1, 2, 3, inf]", False), ('intrinsics_px = "1234"', False),
+        ("focal_px = 3", True), ("focal_px = nan", False), ("focal_px = true", False),
+    ],
+)  # fmt: skip
+def test_what_a_declaration_may_say(tmp_path: Path, line: str, fits: bool) -> None:
+    (tmp_path / "depth.toml").write_text(f"{line}\n")
+    key = line.split(" ", maxsplit=1)[0]
+    if fits:
+        value = getattr(read_declaration(tmp_path), key)
+        assert value == ((1.0, 2.0, 3.0, 4.0) if key == "intrinsics_px" else float(line.split()[2]))
+        return
+    with pytest.raises(DepthTruthError, match=key):
+        read_declaration(tmp_path)

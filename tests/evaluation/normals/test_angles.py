@@ -15,7 +15,7 @@ from legoworld.evaluation.normals.angles import (
     summed,
 )
 from legoworld.evaluation.normals.arrays import NormalsArray
-from legoworld.evaluation.normals.pooling import MEDIAN, own_fields
+from legoworld.evaluation.normals.pooling import MEDIAN, Middle, _is_within, own_fields
 from legoworld.evaluation.pixels.family import Settings
 from legoworld.evaluation.pixels.resampling import sampler
 
@@ -83,6 +83,14 @@ def test_the_pooled_median_is_exact_in_any_order(values, holes, seed):
     assert medians == pooled_metrics(parts, holes, order=-1)["median_deg"]
     assert medians["exclude"] == np.median(errors)
     assert medians["error_90"] == np.median(np.concatenate([errors, np.full(holes, 90.0)]))
+
+
+def test_a_median_lies_in_the_hundredth_that_its_counts_name():
+    middle = Middle(bins=(150, 150), ranks=(0, 0), holes=0)  # [1.495, 1.505)
+    assert [_is_within(x, middle) for x in (1.494, 1.495, 1.5, 1.505, 1.506)] == [
+        False, True, True, True, False,
+    ]  # fmt: skip
+    assert _is_within(2.0, Middle(bins=(100, 300), ranks=(0, 0), holes=0))
 
 
 def test_counts_are_packed_and_end_with_the_largest_error():

@@ -15,9 +15,12 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.normals.arrays import Declaration, read_normals
 from legoworld.evaluation.normals.errors import NormalsTruthError
+from legoworld.evaluation.normals.text import normals_metrics, short_normals
 from legoworld.evaluation.pixels import evaluate as pixels_evaluate
 from legoworld.files import sha256_of_file
 from legoworld.readouts.normals import NORMALS_FILE
+from legoworld.records.base import decode
+from legoworld.records.normals import NormalsSummary
 from legoworld.workers.tasks import WorkerPool
 
 SIZE = (8, 4)
@@ -174,3 +177,52 @@ def test_a_sign_that_a_file_and_the_folder_state_differently_is_refused(tmp_path
     assert read_normals(tmp_path / "a.npz", Declaration()).sign == "away_from_camera"
     with pytest.raises(DepthFileError, match="sign"):
         read_normals(tmp_path / "a.npz", Declaration(sign="towards_camera"))
+
+
+def test_what_is_read_of_a_file_is_its_array_its_type_and_its_shape(tmp_path):
+    np.save(tmp_path / "a.npy", wall(SIZE)[None].astype(">f4"))
+    read = read_normals(tmp_path / "a.npy", Declaration(sign="away_from_camera"))
+    assert read.values.shape == (4, 8, 3)
+    assert read.values.dtype == np.dtype("=f4")
+    np.savez(tmp_path / "a.npz", normals=wall(SIZE), format_version=np.array(1),
+             sign=np.array("away_from_camera"))  # fmt: skip
+    read = read_normals(tmp_path / "a.npz", Declaration())
+    assert (read.stored.array, read.stored.dtype) == ("normals", "float64")
+    assert read.stored.shape == (4, 8, 3)
+    np.savez(tmp_path / "a.npz", normals=wall(SIZE), format_version=np.array(99))
+    with pytest.raises(DepthFileError, match="unknown format version"):
+        read_normals(tmp_path / "a.npz", Declaration(sign="away_from_camera"))
+    np.save(tmp_path / "b.npy", np.stack([wall(SIZE)] * 2))
+    with pytest.raises(DepthFileError, match=r"shape \(2, 4, 8, 3\)"):
+        read_normals(tmp_path / "b.npy", Declaration(sign="away_from_camera"))
+
+
+@pytest.mark.parametrize(("known", "status"), [(10, "ok"), (9, "invalid")])
+def test_ten_known_pixels_are_enough(known, status, tmp_path):
+    values = wall(SIZE).reshape(-1, 3)
+    values[known:] = np.nan
+    run = write_run(tmp_path / "run", {"a.png": values.reshape(wall(SIZE).shape)})
+    truth = write_truth(tmp_path / "truth", {"a.png": wall(SIZE)})
+    evaluate(run, truth, tmp_path / "evaluation")
+    row = json.loads((tmp_path / "evaluation/per_image.jsonl").read_text())
+    assert row["status"] == status
+
+
+def test_an_evaluation_s_lines_to_the_last_word(run, truth, tmp_path, capsys):
+    evaluate(run, truth, tmp_path / "evaluation")
+    summary = decode(NormalsSummary, (tmp_path / "evaluation/summary.json").read_bytes())
+    first, pixels, *_ = short_normals(summary).splitlines()
+    assert first.endswith(": 3 images attempted, 2 scored, 3 with truth")
+    shown = pixels.removeprefix("48 pixels pooled: ").split(", ")
+    names = [text.split(" ")[0] for text in shown]
+    assert names[:3] == ["mean_deg", "median_deg", "rmse_deg"]
+    assert {*names[3:]} == {f"below_{x}" for x in ("5", "7_5", "11_25", "22_5", "30")}
+    assert shown[1].endswith(f" {summary.pooled['median_deg']['error_90']:.3f}"), shown
+    pooled, means = normals_metrics(summary)
+    assert (pooled.title, means.title) == ("All pixels pooled", "Means over images")
+    assert "error_90 (primary) counts each as 90 degrees" in pooled.note
+    assert means.note == ""
+    over = {(row.name, row.policy): row.over for row in pooled.rows}
+    assert over["mean_deg", "error_90"] == "48 pixels"
+    assert over["mean_deg", "exclude"] == over["below_5", "exclude"] == "40 pixels"
+    assert over["below_5", "fails"] == "48 pixels"

@@ -21,7 +21,7 @@ from legoworld.evaluation.pose.errors import (
     vsd,
 )
 from legoworld.evaluation.pose.folder import BopFolder, PoseInputError, read_ply, read_results
-from legoworld.evaluation.pose.score import TAUS, score_poses
+from legoworld.evaluation.pose.score import TAUS, _found, score_poses
 from legoworld.exports.bop import write_views
 
 K = np.array([[100.0, 0, 31.5], [0, 100, 23.5], [0, 0, 1]])
@@ -61,6 +61,7 @@ def test_a_moved_object_is_off_by_its_motion():
             ]
         },
         {"symmetries_continuous": [{"axis": [0, 1, 0], "offset": [0, 0, 0]}]},
+        {"symmetries_continuous": [{"axis": [0, -3, 0], "offset": [0, 7, 0]}]},
     ],
 )
 def test_a_symmetric_object_turned_into_itself_is_not_off(info):
@@ -233,3 +234,104 @@ def test_files_that_are_not_there_are_named(dataset, tmp_path):
     (dataset / "test/000001/scene_gt_info.json").write_text("{")
     with pytest.raises(PoseInputError, match=r"scene_gt_info\.json cannot be read"):
         score_poses(dataset, path)
+
+
+def test_a_continuous_symmetry_is_rotations_about_its_line():
+    line = {"axis": [2, -1, 2], "offset": [10, 20, 30]}
+    found = symmetries({"symmetries_continuous": [line]})
+    assert len(found) > 60
+    for one in found:
+        turn = one[:, :3]
+        assert turn @ turn.T == pytest.approx(np.eye(3))
+        assert np.linalg.det(turn) == pytest.approx(1)
+        assert turn @ line["axis"] == pytest.approx(line["axis"])
+        assert turn @ line["offset"] + one[:, 3] == pytest.approx(line["offset"])
+
+
+def test_what_lies_beside_the_camera_is_infinitely_far_off_without_a_warning():
+    assert mspd(model(), pose(z=50), pose(z=50.0 + 1e-9), photo()) != 0  # four corners at z = 0
+    assert not mspd(model(), pose(z=50), pose(), photo()) < 1e6
+
+
+TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_binary_plys_of_every_type_are_read(name, tmp_path):
+    vertices = np.array([[0, 0, 0], [100, 0, 1], [0, 50, 2]])
+    table = np.zeros(3, [("before", "<" + TYPES[name]), *((a, "<f4") for a in "xyz")])
+    for axis, values in zip("xyz", vertices.T, strict=True):
+        table[axis] = values
+    if TYPES[name] != "f4":  # as a coordinate, too
+        table = table.astype([("before", "<f4"), *((a, "<" + TYPES[name]) for a in "xyz")])
+    kinds = ["float32" if kind[1] == "<f4" else name for kind in table.dtype.descr]
+    lines = ["ply", "format binary_little_endian 1.0", "element vertex 3",
+             *(f"property {k} {n}" for k, n in zip(kinds, table.dtype.names, strict=True)),
+             "element face 2", "property list uchar int vertex_indices", "end_header",
+             ""]  # fmt: skip
+    faces = np.array([(3, (0, 1, 2)), (3, (2, 1, 0))], [("n", "u1"), ("v", "<i4", 3)])
+    content = "\n".join(lines).encode() + table.tobytes() + faces.tobytes()
+    (tmp_path / "a.ply").write_bytes(content)
+    found, triangles = read_ply(tmp_path / "a.ply")
+    assert found.tolist() == vertices.tolist()
+    assert triangles.tolist() == [[0, 1, 2], [2, 1, 0]]
+    (tmp_path / "a.ply").write_bytes(content[:-13])
+    with pytest.raises(PoseInputError, match=r"a\.ply cannot be read"):
+        read_ply(tmp_path / "a.ply")
+
+
+def test_text_plys_with_more_than_places(tmp_path):
+    (tmp_path / "a.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float nx\nproperty float z\n"
+        "property float y\nproperty float x\nelement face 2\n"
+        "property list uchar int vertex_indices\nend_header\n"
+        "9 1 2 3\n9 4 5 6\n9 7 8 9\n9 0 0 1\n3 0 1 2\n3 3 2 1\n"
+    )
+    vertices, triangles = read_ply(tmp_path / "a.ply")
+    assert vertices.tolist() == [[3, 2, 1], [6, 5, 4], [9, 8, 7], [1, 0, 0]]
+    assert triangles.tolist() == [[0, 1, 2], [3, 2, 1]]
+
+
+def test_a_photo_s_depth_is_scaled_to_millimetres(dataset):
+    scene = dataset / "test/000001"
+    stored = cv2.imread(str(scene / "depth/000000.png"), cv2.IMREAD_UNCHANGED)
+    for scale in (0.5, None):
+        camera = json.loads((scene / "scene_camera.json").read_text())
+        camera["0"].pop("depth_scale", None)
+        if scale:
+            camera["0"]["depth_scale"] = scale
+        (scene / "scene_camera.json").write_text(json.dumps(camera))
+        assert (BopFolder(dataset).photo(1, 0).depth_mm == stored * (scale or 1)).all()
+    (scene / "depth/000000.png").write_bytes(b"no picture")
+    with pytest.raises(PoseInputError, match=r"000000\.png cannot be read.*16-bit PNG"):
+        BopFolder(dataset).photo(1, 0)
+
+
+def test_an_instance_of_which_a_tenth_is_visible_counts(dataset, tmp_path):
+    path = dataset / "test/000001/scene_gt_info.json"
+    for visible, n in ((0.1, 3), (0.0999, 2)):
+        infos = json.loads(path.read_text())
+        infos["0"][1]["visib_fract"] = visible
+        path.write_text(json.dumps(infos))
+        assert score_poses(dataset, results(tmp_path / "r.csv", dataset)).n_truths == n
+
+
+def test_an_error_at_a_threshold_is_not_below_it_and_each_truth_is_taken_once():
+    assert (_found([[0.5]], 0.5), _found([[0.4999]], 0.5)) == (0, 1)
+    assert _found([[0.1, 0.2], [0.1, 0.9]], 0.5) == 1
+    assert _found([[0.1, 0.2], [0.9, 0.2]], 0.5) == 2
+
+
+def test_a_reflection_is_no_rotation(dataset, tmp_path):
+    for turn, taken in (("-1 0 0 0 1 0 0 0 1", False), ("-1 0 0 0 -1 0 0 0 1", True)):
+        path = tmp_path / "r.csv"
+        path.write_text(f"scene_id,im_id,obj_id,score,R,t,time\n1,0,1,1,{turn},0 0 9,-1\n")
+        if taken:
+            assert len(list(read_results(path))) == 1
+        else:
+            with pytest.raises(PoseInputError, match="R is no rotation"):
+                list(read_results(path))

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from evaluation.reconstruction.datasets import Submission, write_dataset, write_run
+from evaluation.reconstruction.datasets import (
+    Submission,
+    scene,
+    small_raster,
+    write_dataset,
+    write_run,
+)
 from msgspec.structs import replace
 
 from legoworld.evaluation.reconstruction.articulation import (
     Present,
+    _iou,
     articulation_score,
     count_joints,
     match_joints,
@@ -18,6 +26,8 @@ from legoworld.evaluation.reconstruction.articulation import (
 )
 from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.joints import _present
+from legoworld.evaluation.reconstruction.points import points_m
 from legoworld.records.base import UNSET, as_json, decode, decode_lines, readable, to_record
 from legoworld.records.bench_dataset import BenchTruthFile, ReferenceJoint, SceneJoint
 from legoworld.records.reconstruction import ReconstructionRow
@@ -215,3 +225,51 @@ def test_a_bench_without_joints_says_nothing_of_them(tmp_path):
     assert evaluate_bench(run, dataset.private, tmp_path / "eval", draws=2).articulation is UNSET
     assert b"articulation" not in (tmp_path / "eval" / "per_image.jsonl").read_bytes()
     assert b"articulation" not in (tmp_path / "eval" / "summary.json").read_bytes()
+
+
+def test_boxes_overlap_by_what_they_share():
+    """The grown reference is 2 m deep: a pad of a hundredth is 2 cm at each side."""
+    unit = replace(DOOR, box_cam_m=((0, 0, 2), (1, 1, 2)))
+    thin = submitted(DOOR, box_cam_m=((0.99, 0, 2), (3, 1, 2)))
+    assert _iou(unit, submitted(unit), 0.0) == 0.0, "boxes without a volume"
+    shared, deep = 0.05 * 1.04 * 0.04, 1.04 * 0.04
+    assert _iou(unit, thin, 0.01) == pytest.approx(shared / (deep * (1.04 + 2.05) - shared))
+    apart = submitted(DOOR, box_cam_m=((1.05, 0, 2), (3, 1, 2)))
+    assert _iou(unit, apart, 0.01) == 0.0
+
+
+def test_what_is_there_is_counted_point_by_point():
+    """Against every distance: hits of an object's points, and of those within the part's box."""
+    raster, relative = small_raster(), 0.004
+    depth, label = scene(raster, seed=3)
+    other = depth.copy()
+    other[label == 1] *= 1.003
+    other[:, : raster.width // 2] *= 1.006
+    points = points_m(depth, raster)
+    known = np.isfinite(depth)
+    theirs = points_m(other, raster)[np.isfinite(other)]
+    distance = np.array([np.sqrt(((theirs - one) ** 2).sum(axis=1)).min() for one in points[known]])
+    hits = np.zeros(depth.shape, bool)
+    hits[known] = distance <= relative * depth[known]
+    joints, expected = [], []
+    for k in (0, 1, 2):
+        own = points[known & (label == k)]
+        low, high = own.min(axis=0), own.max(axis=0)
+        high[0] = (low[0] + high[0]) / 2
+        inside = known & (label == k) & ((points >= low) & (points <= high)).all(axis=2)
+        joints.append(replace(DOOR, object_id=10 + k, box_cam_m=(tuple(low), tuple(high))))
+        whole = known & (label == k)
+        expected.append(Present(object=hits[whole].mean(), part=hits[inside].mean()))
+    far = replace(DOOR, object_id=11, box_cam_m=((90.0, 0.0, 2.0), (91.0, 1.0, 3.0)))
+    scored = [SimpleNamespace(id=10 + k) for k in range(3)]
+    found = _present(
+        SimpleNamespace(truth=SimpleNamespace(scored=scored)),
+        (*joints, far, replace(DOOR, object_id=None)),
+        SimpleNamespace(depth_z_m=depth, label=label, raster=raster),
+        SimpleNamespace(depth_z_m=other),
+        relative,
+    )
+    assert found[:3] == expected
+    assert 0 < found[0].object < 1
+    assert found[3] == Present(object=expected[1].object, part=None)
+    assert found[4] == Present(object=None, part=None)

@@ -1,0 +1,212 @@
+"""Single rules of the page at their edges, without a page."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE
+from legoworld.records.evaluation_summary import TieSpread
+from legoworld.records.evaluation_view import TrueAnnotation
+from legoworld.records.report_tables import CategoryCell, CategoryLine, FirstScreen
+from legoworld.report import reconstruction_tables, tie_picture
+from legoworld.report.advice import _words
+from legoworld.report.detection_images import _is_ignored
+from legoworld.report.error_kinds import _cover, image_errors
+from legoworld.report.plots import DepthPixels, _mean_curve
+from legoworld.report.scene_files import _camera
+from legoworld.report.tables import category_table, tasks_table
+
+TRUTH = TrueAnnotation(image_id=1, category_id=1, bbox=(0, 0, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("task", "changes", "ignored"),
+    [
+        ("lvis", {"area": 0}, True), ("lvis", {"area": 0.5}, False), ("lvis", {}, True),
+        ("lvis", {"area": 9, "ignore": 1}, True), ("lvis", {"area": 9, "iscrowd": 1}, False),
+        ("coco", {"area": 0}, False), ("coco", {"iscrowd": 1}, True),
+        ("coco", {"ignore": 1}, False),
+    ],
+)  # fmt: skip
+def test_what_is_neither_found_nor_missed(
+    task: str, changes: dict[str, Any], ignored: bool
+) -> None:
+    assert _is_ignored(task, replace(TRUTH, **changes)) is ignored
+
+
+def errors(iou: list[list[float]], outcome: list[str], categories: list[int]) -> Any:
+    return image_errors(
+        outcome=outcome,
+        category=np.array(categories),
+        score=np.ones(len(outcome)),
+        truth_category=np.ones(len(iou[0]), np.int64),
+        ignored=np.zeros(len(iou[0]), bool),
+        iou=np.array(iou),
+    )
+
+
+@pytest.mark.parametrize(
+    ("iou", "category", "kind"),
+    [(0.1, 2, "background"), (0.1001, 2, "both"), (0.0999, 1, "background"),
+     (0.1, 1, "localisation"), (0.5, 2, "classification"), (0.4999, 2, "both")],
+)  # fmt: skip
+def test_a_kind_of_error_at_its_threshold(iou: float, category: int, kind: str) -> None:
+    assert errors([[iou]], ["fp"], [category]).kind == (kind,)
+
+
+def test_a_missed_truth_is_covered_by_what_is_not_counted_from_one_half_on() -> None:
+    all_of_it = np.ones(2, bool)
+    assert _cover(np.array([0.2, 0.5]), all_of_it) == 1
+    assert _cover(np.array([0.2, 0.4999]), all_of_it) is None
+    assert _cover(np.array([0.2, 0.9]), np.array([True, False])) is None
+    assert _cover(np.zeros(0), np.zeros(0, bool)) is None
+    # A false positive is counted: of two truths that it covers one is reached, the other missed.
+    found = errors([[0.9, 0.8]], ["fp"], [2])
+    assert (found.truth, found.cover) == (("reached", "missed"), (None, None))
+    assert errors([[0.9, 0.8]], ["over_cap"], [1]).cover == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("Cups.001", ["cup"]), ("bus", ["bus"]), ("gas_Stoves (old)", ["gas", "stove"]), ("S", ["s"])],
+)
+def test_the_words_of_a_name(name: str, words: list[str]) -> None:
+    assert _words(name) == words
+
+
+def test_the_picture_of_ties_spans_its_bounds_and_its_ap() -> None:
+    known = TieSpread(worst=0.2, best=0.6, expected=0.3, sd=0.15)
+    drawing = tie_picture._draw_ties(np.array([0.2, 0.3, 0.3, 0.6]), 0.7, known)
+    left, right = 30, tie_picture.WIDTH - 30
+    assert drawing.x == {
+        "worst": left, "best": left + (right - left) * 0.8, "ap": right,
+        "expected": left + (right - left) * 0.2,
+    }  # fmt: skip
+    assert drawing.spread == (left, left + round((right - left) * 0.5, 2))
+    (first, second, _), width = drawing.bars, (right - left) / 40
+    assert (first.x, first.w) == (left + 0.5, round(width - 1, 2))
+    assert (first.h, second.h) == (round(second.h / 2, 2), drawing.base - drawing.top)
+    assert first.y + first.h == second.y + second.h == drawing.base
+    assert first.text == "1 of 4 orders: 0.2000 to 0.2125"
+    narrow = TieSpread(worst=0.2, best=0.6, expected=0.3, sd=0.02)
+    inner = tie_picture._draw_ties(np.array([0.3]), 0.3, narrow)
+    assert inner.spread == (left + (right - left) * 0.2, left + (right - left) * 0.3)
+
+
+def test_shuffled_orders_keep_the_more_confident_first() -> None:
+    """Two of three tie, one of them right; the third is less confident and right."""
+    states = np.array([FALSE_POSITIVE, TRUE_POSITIVE, TRUE_POSITIVE], np.uint8)
+    table: Any = SimpleNamespace(score=np.array([0.9, 0.9, 0.1]))
+    curves = [
+        _mean_curve(states, [(slice(0, 3), 2)], table, np.random.default_rng(seed))
+        for seed in range(20)
+    ]
+    ends = {(round(float(c[0]), 4), round(float(c[-1]), 4)) for c in curves}
+    assert ends == {(1.0, 0.6667), (0.6667, 0.6667)}
+
+
+def test_depth_errors_are_in_bins_from_the_nearest_to_the_farthest_truth() -> None:
+    pixels = DepthPixels()
+    assert pixels.plot("a") is None
+    pixels.truth_z_m.append(np.array([1.0, 1.0, 16.0]))
+    pixels.error.append(np.array([0.1, 0.3, 0.5]))
+    plot = pixels.plot("a")
+    assert plot is not None
+    assert (plot.edges_m[0], plot.edges_m[-1]) == pytest.approx((1.0, 16.0))
+
+
+CELL = CategoryCell(ap=0.5, ap50=0.6, miou=0.7, n=8, tp=3, fp=5)
+
+
+def test_a_category_s_row_has_a_cell_for_each_column() -> None:
+    lines = [
+        CategoryLine(id=4, name="cup", frequency=None, n_truth=9, n_images=2, cells=(CELL, None)),
+        CategoryLine(id=5, name="bus", frequency="r", n_truth=1, n_images=1, cells=(None, CELL)),
+    ]
+    sides: Any = [SimpleNamespace(name="one"), SimpleNamespace(name="two")]
+    found = category_table("coco", sides, lines)
+    assert [(c.name, c.key, c.group) for c in found.columns if isinstance(c, object)] == [
+        ("category", "name", ""), ("freq.", "freq", ""), ("objects", "truth", ""),
+        ("images", "images", ""),
+        *((name, f"{key}{k}", side) for k, side in enumerate(("one", "two")) for name, key in (
+            ("AP", "ap"), ("AP50", "ap50"), ("mIoU", "miou"), ("predictions", "n"),
+            ("TP", "tp"), ("FP", "fp"),
+        )),
+    ]  # fmt: skip
+    first, second = found.rows
+    assert (first[0].text, first[0].link) == ("cup", "#/coco?tab=photos&cat=4")
+    assert first[1:4] == ("-", 9, 2)
+    assert [cell.value for cell in first[4:7]] == [0.5, 0.6, 0.7]
+    assert (first[7], first[8].n, first[8].of, first[9]) == (8, 3, 9, 5)
+    assert first[10:] == second[4:10] == ("-", "-", "-", 0, 0, 0)
+    assert found.notes[0].startswith("AP over IoU 0.50 to 0.95; TP and FP at IoU 0.5")
+    assert "freq." not in {c.name for c in category_table("coco", sides, lines[:1]).columns}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ends"),
+    [(0.1, 0.9, (0.1, 0.9)), (None, 0.9, None), (0.1, None, None), (None, None, None)],
+)
+def test_each_task_s_first_number_stands_with_its_interval(
+    low: float | None, high: float | None, ends: tuple[float, float] | None
+) -> None:
+    span = SimpleNamespace(value=0.5, low=low, high=high, over="12 images")
+    section: Any = SimpleNamespace(
+        title="COCO", key="coco-2", attempted=5, sides=[SimpleNamespace(label="one", scored=4)],
+        evaluators=[SimpleNamespace(name="pycocotools", version="2")],
+        first=SimpleNamespace(forest=[SimpleNamespace(name="AP", sides=[span])]),
+    )  # fmt: skip
+    ((task, side, metric, number, scored, evaluator),) = tasks_table([section]).rows
+    assert (task.text, task.link, side, metric) == ("COCO", "#/coco-2", "one", "AP")
+    assert (number.value, number.ends, number.digits) == (0.5, ends, 3)
+    assert (number.below, evaluator) == ("12 images", "pycocotools 2")
+    assert (scored.n, scored.of) == (4, 5)
+    section.first.forest, section.attempted = [], None
+    ((_, _, metric, number, scored, _),) = tasks_table([section]).rows
+    assert (metric, number.value, number.ends, number.below, scored.of) == ("-", None, None, "", 0)
+
+
+def row(image_id: int, *scores: tuple[str, float], valid: bool = True) -> Any:
+    objects = [SimpleNamespace(category=name, f1=f1, eligible=True) for name, f1 in scores]
+    return SimpleNamespace(image_id=image_id, valid=valid, objects=objects, R=0.0)
+
+
+def test_a_category_that_loses_nothing_is_not_among_the_losses() -> None:
+    rows = [row(1, ("cup", 1.0), ("bus", 0.5)), row(2, ("bus", 0.0)), row(3, valid=False)]
+    side: Any = SimpleNamespace(name="one", reconstruction_rows=rows)
+    found = reconstruction_tables._losses(side, {"cup": 1, "bus": 2, "sofa": 3})
+    assert [most.name for most in found.most] == ["bus"]
+    assert found.lost == pytest.approx(1 / 3 + 0.25 / 3 + 1 / 3)
+    assert found.not_valid == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize(
+    ("n", "comparison", "said"), [(2, None, True), (1, None, False), (2, "there is one", False)]
+)
+def test_who_leads_is_said_of_several_without_a_comparison(
+    n: int, comparison: str | None, said: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reconstruction_tables, "_leads", lambda board: f"{board} leads")
+    first = FirstScreen(verdicts=(), costs=(), coverage=(), forest=())
+    section: Any = SimpleNamespace(sides=[0] * n, comparison=comparison)
+    board: Any = "the board"
+    found = reconstruction_tables.first_of_bench(first, section, board)
+    assert [v.sentence for v in found.verdicts] == (["the board leads"] if said else [])
+
+
+def test_the_camera_of_a_page_is_the_upper_three_rows() -> None:
+    rows = [[float(4 * i + j) for j in range(4)] for i in range(4)]
+    scene: Any = SimpleNamespace(
+        camera=SimpleNamespace(world_from_camera=rows, type="PERSP"),
+        projection=SimpleNamespace(fx=1, fy=2, cx=3, cy=4, orthographic=False),
+    )
+    found = _camera(scene, SimpleNamespace(rendered_wh=(8, 6)))  # type: ignore[arg-type]
+    assert found is not None
+    assert found.world_from_cam == tuple(map(tuple, rows[:3]))
+    assert (found.fx, found.fy, found.cx, found.cy, found.size_wh) == (1, 2, 3, 4, (8, 6))
+    assert _camera(scene, SimpleNamespace(rendered_wh=None)) is None  # type: ignore[arg-type]
