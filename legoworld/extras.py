@@ -7,7 +7,7 @@ import shlex
 from importlib import metadata
 from typing import Literal
 
-Extra = Literal["draco", "exr", "ray", "url", "plugin", "usd", "examples"]
+Extra = Literal["draco", "exr", "ray", "url", "plugin", "usd", "serve", "examples"]
 
 
 def requirements(extra: Extra) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -10,10 +11,13 @@ from typing import Any, BinaryIO
 from legoworld.api import settings
 from legoworld.api.arguments import check_arguments
 from legoworld.api.listener import SILENT, Listener
+from legoworld.bench.archive import UnpackLimits
 from legoworld.bench.dataset import MadeDataset, MakeRequest, make_dataset
 from legoworld.bench.family import MakeOptions
 from legoworld.bench.harbor import HarborOptions, export_harbor
-from legoworld.bench.server import ScoreServer, ServeOptions
+from legoworld.bench.http_options import HttpOptions, require_http
+from legoworld.bench.score_worker import ServeOptions
+from legoworld.bench.server import ScoreServer
 from legoworld.cards import load_card
 from legoworld.comparison.leaderboard import (
     case_scores,
@@ -27,10 +31,12 @@ from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.files import canonical_json, sha256_of_file, write_text
 from legoworld.records.base import readable, to_record
 from legoworld.records.bench_dataset import PictureCard, RenderCard
-from legoworld.records.bench_results import JudgesFile, Leaderboard, ServeAnswer
+from legoworld.records.bench_results import JudgesFile, Leaderboard, Parts, ServeAnswer
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.run_rows import RunRow
-from legoworld.running.submission import bench_rules
+from legoworld.running.submission import BenchRules, bench_rules
+from legoworld.scene.blender_process import Limits
+from legoworld.scene.cache import SnapshotCache
 from legoworld.tasks.shipped import BENCH
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.processors import usable_cores
@@ -103,7 +109,7 @@ def bench_serve(
     requests: BinaryIO,
     answer: Callable[[ServeAnswer], None],
     *,
-    root: str | Path = ".",
+    root: str | Path | None = None,
     render: bool = True,
     diagnostics: bool = False,
     workers: int | None = None,
@@ -114,22 +120,86 @@ def bench_serve(
     """Score submissions from a stream of JSON lines; `answer` is called as each is done.
 
     dataset: with both halves. A line is {"scene": folder, "image_id": number} with an optional
-    "id"; the folder is below `root`. render: False for R alone; diagnostics: also the numbers
-    beside R. Every line gets one answer, and an invalid one the status "refused".
+    "id"; the folder is below `root`, by default the working folder. render: False for R alone;
+    diagnostics: also the numbers beside R. Every line gets one answer, and an invalid one the
+    status "refused".
     """
-    bench, count = bench_protocol(), workers or usable_cores()
-    serving = ServeOptions(
-        root=Path(root).absolute(),
-        dataset=read_dataset(Path(dataset) / "private"),
-        bench=bench,
-        rules=bench_rules(bench.card, render=render, noise=False, facts=render),
+    count = workers or usable_cores()
+    serving = _serving(
+        Path(dataset),
+        Path(root or "."),
+        count,
+        render=render,
         diagnostics=diagnostics,
         cache=settings.snapshot_cache(cache),
         limits=settings.make_limits(time_limit_s, memory_limit_gib),
-        threads=max(1, usable_cores() // count),
     )
     with ScoreServer(serving, count) as server:
         server.serve(requests, answer)
+
+
+def serve_bench_http(
+    dataset: Path,
+    http: HttpOptions,
+    say: Callable[[str], None],
+    *,
+    root: Path | None = None,
+    render: bool = True,
+    diagnostics: bool = False,
+    workers: int | None = None,
+    cache: settings.Cache = True,
+    time_limit_s: float = settings.TIME_LIMIT_S,
+    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+) -> None:
+    """Score submissions over HTTP until a signal. Arguments: as in `bench_serve`.
+
+    root: None for only what is sent. say: told the address, and why a scoring failed.
+    InstallationError without the extra `serve`.
+    """
+    require_http()
+    from legoworld.bench.http_server import serve_http
+
+    count = workers or usable_cores()
+    serving = _serving(
+        dataset,
+        root,
+        count,
+        render=render,
+        diagnostics=diagnostics,
+        cache=settings.snapshot_cache(cache),
+        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+    )
+    unpacking = UnpackLimits(unpacked_bytes=http.unpacked_bytes)
+    serve_http(replace(serving, unpacking=unpacking), http, count, say)
+
+
+def _serving(
+    dataset: Path,
+    root: Path | None,
+    workers: int,
+    *,
+    render: bool,
+    diagnostics: bool,
+    cache: SnapshotCache | None,
+    limits: Limits,
+) -> ServeOptions:
+    bench = bench_protocol()
+    # Other parts of a score, such as a second card's, join here; the last is what is given unasked.
+    rules: dict[Parts, BenchRules] = {
+        "R": bench_rules(bench.card, render=False, noise=False, facts=False)
+    }
+    if render:
+        rules["RA"] = bench_rules(bench.card, render=True, noise=False)
+    return ServeOptions(
+        root=None if root is None else root.absolute(),
+        dataset=read_dataset(dataset / "private"),
+        bench=bench,
+        rules=rules,
+        diagnostics=diagnostics,
+        cache=cache,
+        limits=limits,
+        threads=max(1, usable_cores() // workers),
+    )
 
 
 def bench_score(

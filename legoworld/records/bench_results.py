@@ -1,4 +1,4 @@
-"""Results of the bench: leaderboard.json, judges.json and the lines of `legoworld bench serve`."""
+"""Results of the bench: leaderboard.json, judges.json, and what `legoworld bench serve` says."""
 
 from __future__ import annotations
 
@@ -150,12 +150,20 @@ class JudgesFile(Record, frozen=True, kw_only=True):
     aspects: dict[str, AspectAgreement]
 
 
+#: What of a submission is scored: R alone, or A and S, too.
+Parts = Literal["R", "RA"]
+
+
 class ServeRequest(Record, frozen=True, kw_only=True):
-    """One submission to score. scene: its folder; id: given back as it is."""
+    """One submission to score. scene: its folder, "" where it is sent; id: given back as it is.
+
+    parts: all that the server offers where it is left out.
+    """
 
     scene: str
     image_id: int
     id: str | int | None = None
+    parts: Parts | UnsetType = UNSET
 
 
 class ServeAnswer(Record, frozen=True, kw_only=True):
@@ -179,3 +187,44 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
     validity: dict[str, Check] | None
     flags: tuple[Flag, ...]
     warnings: tuple[str, ...]
+
+
+class ScalarAnswer(Record, frozen=True, kw_only=True):
+    """A `ServeAnswer` over HTTP, without what tells the private half apart.
+
+    reward: S, or R where nothing is rendered. Every score is a multiple of `step`, exact where that
+    is 0. V: null for a valid .blend that was sent alone, too: it has no artefacts.
+    """
+
+    id: str | int | None
+    image_id: int | None
+    status: str
+    reason: str | None
+    V: Literal[0, 1] | None
+    R: float | None
+    A: float | None
+    S: float | None
+    reward: float | None
+    step: float
+
+
+class ObjectsAnswer(ScalarAnswer, frozen=True, kw_only=True):
+    """With --per-object: all of a `ServeAnswer` but its path; the objects' numbers are exact."""
+
+    objects: tuple[ObjectRow, ...]
+    validity: dict[str, Check] | None
+    flags: tuple[Flag, ...]
+    warnings: tuple[str, ...]
+
+
+class RewardsRequest(Record, frozen=True, kw_only=True):
+    """OpenRLHF's form. query: scenes' paths below the root; labels: their image ids."""
+
+    query: tuple[str, ...]
+    labels: tuple[int | str, ...]
+
+
+class RewardsAnswer(Record, frozen=True, kw_only=True):
+    """The rewards, in the order of the queries."""
+
+    rewards: tuple[float, ...]
