@@ -25,18 +25,17 @@ from legoworld.comparison.leaderboard import (
     read_entries,
     write_leaderboard,
 )
+from legoworld.comparison.standings import with_standings
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.evaluation.reconstruction.judges import judge_agreement
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.files import canonical_json, sha256_of_file, write_text
+from legoworld.files import canonical_json, refuse_existing, sha256_of_file, write_text
 from legoworld.records.base import readable, to_record
 from legoworld.records.bench_dataset import PictureCard, RenderCard
 from legoworld.records.bench_results import JudgesFile, Leaderboard, Parts, ServeAnswer
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.run_rows import RunRow
 from legoworld.running.submission import BenchRules, bench_rules
-from legoworld.scene.blender_process import Limits
-from legoworld.scene.cache import SnapshotCache
 from legoworld.tasks.shipped import BENCH
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.processors import usable_cores
@@ -124,15 +123,15 @@ def bench_serve(
     diagnostics: also the numbers beside R. Every line gets one answer, and an invalid one the
     status "refused".
     """
-    count = workers or usable_cores()
-    serving = _serving(
+    serving, count = _serving(
         Path(dataset),
         Path(root or "."),
-        count,
         render=render,
         diagnostics=diagnostics,
-        cache=settings.snapshot_cache(cache),
-        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        workers=workers,
+        cache=cache,
+        time_limit_s=time_limit_s,
+        memory_limit_gib=memory_limit_gib,
     )
     with ScoreServer(serving, count) as server:
         server.serve(requests, answer)
@@ -144,14 +143,9 @@ def serve_bench_http(
     say: Callable[[str], None],
     *,
     root: Path | None = None,
-    render: bool = True,
-    diagnostics: bool = False,
-    workers: int | None = None,
-    cache: settings.Cache = True,
-    time_limit_s: float = settings.TIME_LIMIT_S,
-    memory_limit_gib: float = settings.MEMORY_LIMIT_GIB,
+    **given: Any,
 ) -> None:
-    """Score submissions over HTTP until a signal. Arguments: as in `bench_serve`.
+    """Score submissions over HTTP until a signal. given: as in `bench_serve`.
 
     root: None for only what is sent. say: told the address, and why a scoring failed.
     InstallationError without the extra `serve`.
@@ -159,16 +153,7 @@ def serve_bench_http(
     require_http()
     from legoworld.bench.http_server import serve_http
 
-    count = workers or usable_cores()
-    serving = _serving(
-        dataset,
-        root,
-        count,
-        render=render,
-        diagnostics=diagnostics,
-        cache=settings.snapshot_cache(cache),
-        limits=settings.make_limits(time_limit_s, memory_limit_gib),
-    )
+    serving, count = _serving(dataset, root, **given)
     unpacking = UnpackLimits(unpacked_bytes=http.unpacked_bytes)
     serve_http(replace(serving, unpacking=unpacking), http, count, say)
 
@@ -176,30 +161,33 @@ def serve_bench_http(
 def _serving(
     dataset: Path,
     root: Path | None,
-    workers: int,
     *,
     render: bool,
     diagnostics: bool,
-    cache: SnapshotCache | None,
-    limits: Limits,
-) -> ServeOptions:
-    bench = bench_protocol()
+    workers: int | None,
+    cache: settings.Cache,
+    time_limit_s: float,
+    memory_limit_gib: float,
+) -> tuple[ServeOptions, int]:
+    """What all submissions share, and how many workers there are."""
+    bench, count = bench_protocol(), workers or usable_cores()
     # Other parts of a score, such as a second card's, join here; the last is what is given unasked.
     rules: dict[Parts, BenchRules] = {
         "R": bench_rules(bench.card, render=False, noise=False, facts=False)
     }
     if render:
         rules["RA"] = bench_rules(bench.card, render=True, noise=False)
-    return ServeOptions(
+    options = ServeOptions(
         root=None if root is None else root.absolute(),
         dataset=read_dataset(dataset / "private"),
         bench=bench,
         rules=rules,
         diagnostics=diagnostics,
-        cache=cache,
-        limits=limits,
-        threads=max(1, usable_cores() // workers),
+        cache=settings.snapshot_cache(cache),
+        limits=settings.make_limits(time_limit_s, memory_limit_gib),
+        threads=max(1, usable_cores() // count),
     )
+    return options, count
 
 
 def bench_score(
@@ -237,7 +225,7 @@ def bench_table(
 ) -> Leaderboard:
     """Write one row for each agent and model of bench evaluations, in four forms."""
     sides = read_entries([Path(folder) for folder in evaluations])
-    board = leaderboard(sides, draws=draws, seed=seed)
+    board = with_standings(leaderboard(sides, draws=draws, seed=seed), sides)
     write_leaderboard(Path(output), board, overwrite=overwrite)
     return board
 
@@ -247,11 +235,16 @@ def bench_judges(
     judgements: str | Path,
     evaluations: Sequence[str | Path] = (),
     json_file: str | Path | None = None,
+    *,
+    overwrite: bool = False,
 ) -> JudgesFile:
     """How far recorded judgements agree with the scores; as JSON in a file where one is given.
 
     evaluations: those whose scores say which submission is better, instead of the judgements.
+    UsageError for a file that is there, unless `overwrite`.
     """
+    if json_file is not None:
+        refuse_existing(Path(json_file), overwrite=overwrite)
     sides = read_entries([Path(folder) for folder in evaluations]) if evaluations else []
     agreement = judge_agreement(
         Path(judgements),

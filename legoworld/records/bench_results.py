@@ -47,6 +47,49 @@ class LeaderboardRow(Record, frozen=True, kw_only=True):
     groups: tuple[LeaderboardGroup, ...]
 
 
+class Rank(Record, frozen=True, kw_only=True):
+    """A system's rank, 1 the best, with its interval over draws; null over a single family."""
+
+    rank: int
+    low: int | None
+    high: int | None
+
+
+class PairedDifference(Record, frozen=True, kw_only=True):
+    """Of two rows, by their places from 0: the first's mean minus the second's."""
+
+    first: int
+    second: int
+    difference: float
+    interval: Interval | None
+
+
+class Cost(Record, frozen=True, kw_only=True):
+    """A system's mean cost a trial in US dollars, of those that tell it; null where none does.
+
+    usd: by the transcript or a price card, told by `told` trials; standard_usd: all tokens at one
+    price, by `standard_told`. frontier: every trial tells it, and no other system is as good and as
+    cheap, and better in one.
+    """
+
+    trials: int
+    usd: float | None
+    told: int
+    standard_usd: float | None
+    standard_told: int
+    frontier: bool
+    standard_frontier: bool
+
+
+class Standings(Record, frozen=True, kw_only=True):
+    """Rows against each other. ranks, costs: of each row."""
+
+    metric: Literal["S", "R"]
+    ranks: tuple[Rank, ...]
+    pairs: tuple[PairedDifference, ...]
+    costs: tuple[Cost, ...]
+
+
 class Leaderboard(Record, frozen=True, kw_only=True):
     """Rows by falling S over all attempted; evidence_sha256: of each evaluation, by its name."""
 
@@ -57,6 +100,7 @@ class Leaderboard(Record, frozen=True, kw_only=True):
     seed: int
     rows: tuple[LeaderboardRow, ...]
     evidence_sha256: dict[str, str]
+    standings: Standings | UnsetType = UNSET
 
 
 Aspect = Literal["reconstruction", "appearance"]
