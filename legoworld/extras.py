@@ -7,7 +7,7 @@ import shlex
 from importlib import metadata
 from typing import Literal
 
-Extra = Literal["draco", "exr", "ray", "url", "plugin", "usd", "hdf5", "examples"]
+Extra = Literal["draco", "exr", "ray", "url", "plugin", "usd", "hdf5", "serve", "examples"]
 
 
 def requirements(extra: Extra) -> list[str]:

@@ -149,14 +149,15 @@ PLAIN = set(
     re.findall(
         r"\w+",
         """
-        agent agents allow any array batch below blender box by cache call camera category
+        agent agents allow any array batch below blender body box by cache call camera category
         changed check compare cpus demo denoise depth device doctor dtype env execute export
-        fail fast file files folder folders for format fov harbor id ids image images import
-        index inspect install join json keep kind limit list load make max mb memory merge
-        model name network no of offline option options or output overwrite pass per photo
-        photos picture port prices programs project python quiet render repeat replay require
-        results root run sample samples scene scenes score seed serve show side size suffix
-        table time timeout torch truth undo verbose verifier verify weights with without write
+        fail fast file files folder folders for format fov harbor host http id ids image images
+        import index inspect install join json keep kind limit list load make max mb memory merge
+        model name network no object of offline option options or output overwrite pass per photo
+        photos picture port prices programs project python queue quiet render repeat replay require
+        results root run sample samples scene scenes score seed serve show side size step suffix
+        table time timeout token torch truth undo unpacked verbose verifier verify weights with
+        without write
         """,
     )
 )

@@ -16,7 +16,6 @@ from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
 from legoworld.trajectories.transcripts import total_usage
 
 PRICES: Final = Path(__file__).with_name("prices.toml")
-_MILLION: Final = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,11 +77,7 @@ def compute_usage(trajectory: AtifTrajectory, model: str | None, prices: PriceCa
     prompt, cached, completion = counts
     if not (isinstance(prompt, int) and isinstance(cached, int) and isinstance(completion, int)):
         return usage
-    cost = (
-        (prompt - cached) * price.input_usd
-        + cached * price.cached_input_usd
-        + completion * price.output_usd
-    ) / _MILLION
+    cost = price.cost_usd(prompt, cached, completion)
     return replace(usage, cost_usd=round(cost, 6), cost_source=prices.source)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -10,10 +11,13 @@ from typing import Any, BinaryIO
 from legoworld.api import settings
 from legoworld.api.arguments import check_arguments
 from legoworld.api.listener import SILENT, Listener
+from legoworld.bench.archive import UnpackLimits
 from legoworld.bench.dataset import MadeDataset, MakeRequest, make_dataset
 from legoworld.bench.family import MakeOptions
 from legoworld.bench.harbor import HarborOptions, export_harbor
-from legoworld.bench.server import ScoreServer, ServeOptions
+from legoworld.bench.http_options import HttpOptions, require_http
+from legoworld.bench.score_worker import ServeOptions
+from legoworld.bench.server import ScoreServer
 from legoworld.cards import load_card
 from legoworld.comparison.leaderboard import (
     case_scores,
@@ -21,16 +25,17 @@ from legoworld.comparison.leaderboard import (
     read_entries,
     write_leaderboard,
 )
+from legoworld.comparison.standings import with_standings
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.evaluation.reconstruction.judges import judge_agreement
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.files import canonical_json, sha256_of_file, write_text
+from legoworld.files import canonical_json, refuse_existing, sha256_of_file, write_text
 from legoworld.records.base import readable, to_record
 from legoworld.records.bench_dataset import PictureCard, RenderCard
-from legoworld.records.bench_results import JudgesFile, Leaderboard, ServeAnswer
+from legoworld.records.bench_results import JudgesFile, Leaderboard, Parts, ServeAnswer
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.run_rows import RunRow
-from legoworld.running.submission import bench_rules
+from legoworld.running.submission import BenchRules, bench_rules
 from legoworld.tasks.shipped import BENCH
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.processors import usable_cores
@@ -103,7 +108,7 @@ def bench_serve(
     requests: BinaryIO,
     answer: Callable[[ServeAnswer], None],
     *,
-    root: str | Path = ".",
+    root: str | Path | None = None,
     render: bool = True,
     diagnostics: bool = False,
     workers: int | None = None,
@@ -114,22 +119,75 @@ def bench_serve(
     """Score submissions from a stream of JSON lines; `answer` is called as each is done.
 
     dataset: with both halves. A line is {"scene": folder, "image_id": number} with an optional
-    "id"; the folder is below `root`. render: False for R alone; diagnostics: also the numbers
-    beside R. Every line gets one answer, and an invalid one the status "refused".
+    "id"; the folder is below `root`, by default the working folder. render: False for R alone;
+    diagnostics: also the numbers beside R. Every line gets one answer, and an invalid one the
+    status "refused".
     """
+    serving, count = _serving(
+        Path(dataset),
+        Path(root or "."),
+        render=render,
+        diagnostics=diagnostics,
+        workers=workers,
+        cache=cache,
+        time_limit_s=time_limit_s,
+        memory_limit_gib=memory_limit_gib,
+    )
+    with ScoreServer(serving, count) as server:
+        server.serve(requests, answer)
+
+
+def serve_bench_http(
+    dataset: Path,
+    http: HttpOptions,
+    say: Callable[[str], None],
+    *,
+    root: Path | None = None,
+    **given: Any,
+) -> None:
+    """Score submissions over HTTP until a signal. given: as in `bench_serve`.
+
+    root: None for only what is sent. say: told the address, and why a scoring failed.
+    InstallationError without the extra `serve`.
+    """
+    require_http()
+    from legoworld.bench.http_server import serve_http
+
+    serving, count = _serving(dataset, root, **given)
+    unpacking = UnpackLimits(unpacked_bytes=http.unpacked_bytes)
+    serve_http(replace(serving, unpacking=unpacking), http, count, say)
+
+
+def _serving(
+    dataset: Path,
+    root: Path | None,
+    *,
+    render: bool,
+    diagnostics: bool,
+    workers: int | None,
+    cache: settings.Cache,
+    time_limit_s: float,
+    memory_limit_gib: float,
+) -> tuple[ServeOptions, int]:
+    """What all submissions share, and how many workers there are."""
     bench, count = bench_protocol(), workers or usable_cores()
-    serving = ServeOptions(
-        root=Path(root).absolute(),
-        dataset=read_dataset(Path(dataset) / "private"),
+    # Other parts of a score, such as a second card's, join here; the last is what is given unasked.
+    rules: dict[Parts, BenchRules] = {
+        "R": bench_rules(bench.card, render=False, noise=False, facts=False)
+    }
+    if render:
+        rules["RA"] = bench_rules(bench.card, render=True, noise=False)
+    options = ServeOptions(
+        root=None if root is None else root.absolute(),
+        dataset=read_dataset(dataset / "private"),
         bench=bench,
-        rules=bench_rules(bench.card, render=render, noise=False, facts=render),
+        rules=rules,
         diagnostics=diagnostics,
         cache=settings.snapshot_cache(cache),
         limits=settings.make_limits(time_limit_s, memory_limit_gib),
         threads=max(1, usable_cores() // count),
     )
-    with ScoreServer(serving, count) as server:
-        server.serve(requests, answer)
+    return options, count
 
 
 def bench_score(
@@ -167,7 +225,7 @@ def bench_table(
 ) -> Leaderboard:
     """Write one row for each agent and model of bench evaluations, in four forms."""
     sides = read_entries([Path(folder) for folder in evaluations])
-    board = leaderboard(sides, draws=draws, seed=seed)
+    board = with_standings(leaderboard(sides, draws=draws, seed=seed), sides)
     write_leaderboard(Path(output), board, overwrite=overwrite)
     return board
 
@@ -177,11 +235,16 @@ def bench_judges(
     judgements: str | Path,
     evaluations: Sequence[str | Path] = (),
     json_file: str | Path | None = None,
+    *,
+    overwrite: bool = False,
 ) -> JudgesFile:
     """How far recorded judgements agree with the scores; as JSON in a file where one is given.
 
     evaluations: those whose scores say which submission is better, instead of the judgements.
+    UsageError for a file that is there, unless `overwrite`.
     """
+    if json_file is not None:
+        refuse_existing(Path(json_file), overwrite=overwrite)
     sides = read_entries([Path(folder) for folder in evaluations]) if evaluations else []
     agreement = judge_agreement(
         Path(judgements),

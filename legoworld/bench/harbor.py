@@ -202,5 +202,5 @@ tests=$(cd "$(dirname "$0")" && pwd)
 legoworld readout /tmp/submissions --task bench --track "$tests/bench/public/track.json" \\
   -o /tmp/run --no-cache -q
 legoworld evaluate /tmp/run --truth "$tests/bench/private" -o /tmp/evaluation --draws 1
-legoworld bench reward /tmp/evaluation -o /logs/verifier/reward.json
+legoworld bench reward /tmp/evaluation --overwrite -o /logs/verifier/reward.json
 """

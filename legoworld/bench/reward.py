@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.errors import NotAssessedError, cause
-from legoworld.files import readable_json, write_text
+from legoworld.files import readable_json, refuse_existing, write_text
 from legoworld.records.base import RecordError, decode_lines
 from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow
 
@@ -44,9 +44,15 @@ def _not_assessed(evaluation: Path, found: str) -> NotAssessedError:
     )
 
 
-def bench_reward(evaluation: str | Path, output: str | Path) -> dict[str, float]:
-    """Write reward.json; what is in it. NotAssessedError: an earlier reward.json is removed."""
+def bench_reward(
+    evaluation: str | Path, output: str | Path, *, overwrite: bool = False
+) -> dict[str, float]:
+    """Write reward.json; what is in it. UsageError for a file that is there, unless `overwrite`.
+
+    That is removed before anything is read, so that after a NotAssessedError there is none.
+    """
     path = Path(output)
+    refuse_existing(path, overwrite=overwrite)
     path.unlink(missing_ok=True)
     reward = read_reward(Path(evaluation))
     write_text(path, readable_json(reward))

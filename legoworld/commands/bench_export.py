@@ -54,7 +54,8 @@ def export_command(dataset: Path, harbor: bool, output: Path, **settings: Any) -
 @click.command("reward")
 @click.argument("evaluation", type=FOLDER)
 @option("--output", "The file to write.", FILE)
-def reward_command(evaluation: Path, output: Path) -> int:
+@option("--overwrite", "Replace the file.")
+def reward_command(evaluation: Path, output: Path, overwrite: bool) -> int:
     """Write reward.json of an evaluation of one case: finite numbers with the key `reward`.
 
     reward is S, or R of a run without a render; 0 for a submission that is missing or invalid.
@@ -63,10 +64,10 @@ def reward_command(evaluation: Path, output: Path) -> int:
     \b
     Examples:
       legoworld bench reward evals/one -o reward.json
-      legoworld bench reward /tmp/evaluation -o /logs/verifier/reward.json
+      legoworld bench reward /tmp/evaluation --overwrite -o /logs/verifier/reward.json
     """
     from legoworld.bench.reward import bench_reward
 
-    reward = bench_reward(evaluation, output)
+    reward = bench_reward(evaluation, output, overwrite=overwrite)
     click.echo(f"reward {reward['reward']:.6f} -> {output}")
     return 0

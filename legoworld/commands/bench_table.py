@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 @option("--seed", "RNG seed for the bootstrap.")
 @option("--overwrite", "Replace another table in the folder.")
 @options.printing
-def table_command(
-    evaluations: tuple[Path, ...], output: Path, draws: int, seed: int, overwrite: bool, out: Output
-) -> int:
+def table_command(evaluations: tuple[Path, ...], output: Path, out: Output, **given: Any) -> int:
     """One row for each agent and model of bench EVALUATIONS; several of one are repeated runs.
 
     The agent and the model are those of the scenes' provenance.json. Means over runs with their
     standard deviation (ddof = 1): V, R, A, S over all attempted cases with zeros included, and R,
-    A, S over the valid ones, for all cases and by split, environment, theme and tier. Writes
-    leaderboard.json, .md, .tex and .csv. -v prints every group.
+    A, S over the valid ones, for all cases and by split, environment, theme and tier. Ranks and
+    paired differences between all systems have intervals. What a trial cost, as far as the scenes
+    tell, gives the cost frontier, also with all tokens at one price. Writes leaderboard.json, .md,
+    .tex and .csv, and standings.md, .tex and .csv. -v prints every group.
 
     \b
     Examples:
@@ -41,16 +41,21 @@ def table_command(
     """
     from legoworld.api.bench import bench_table
     from legoworld.comparison.leaderboard import wide_table
+    from legoworld.comparison.standings import standings_table
     from legoworld.records.base import as_json as plain
     from legoworld.tables.terminal import terminal
 
-    board = bench_table(evaluations, output, draws=draws, seed=seed, overwrite=overwrite)
+    board = bench_table(evaluations, output, **given)
     if out.as_json:
         print_json({"folder": str(output), "leaderboard": plain(board)})
         return 0
     table = wide_table(board, every_group=out.verbose)
     click.echo(terminal(table))
-    click.echo("\n".join(["", *table.notes, f"-> {output}"]))
+    click.echo("\n".join(["", *table.notes]))
+    if len(board.rows) > 1:
+        standings = standings_table(board)
+        click.echo("\n".join(["", terminal(standings), "", *standings.notes]))
+    click.echo(f"-> {output}")
     return 0
 
 
@@ -58,9 +63,14 @@ def table_command(
 @click.argument("judgements", type=EXISTING_FILE)
 @click.argument("evaluations", nargs=-1, type=EXISTING_FOLDER)
 @option("-o --output json_file", "Also write the result as JSON.", FILE, required=False)
+@option("--overwrite", "Replace that file.")
 @options.printing
 def judges_command(
-    judgements: Path, evaluations: tuple[Path, ...], json_file: Path | None, out: Output
+    judgements: Path,
+    evaluations: tuple[Path, ...],
+    json_file: Path | None,
+    overwrite: bool,
+    out: Output,
 ) -> int:
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
@@ -80,7 +90,7 @@ def judges_command(
     from legoworld.api.bench import bench_judges
     from legoworld.records.base import as_json as plain
 
-    agreement = bench_judges(judgements, evaluations, json_file)
+    agreement = bench_judges(judgements, evaluations, json_file, overwrite=overwrite)
     if out.as_json:
         print_json(plain(agreement))
         return 0

@@ -12,13 +12,14 @@ import numpy as np
 from legoworld.comparison.compatibility import check_comparable
 from legoworld.comparison.provenance import NOT_RECORDED, recorded_provenance
 from legoworld.comparison.sides import distinct_names
+from legoworld.comparison.standings import standings_table
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.bootstrap import interval
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.files import sha256_of_file, write_text
 from legoworld.pluralize import plural
-from legoworld.records.base import readable
+from legoworld.records.base import UNSET, readable
 from legoworld.records.bench_results import (
     Leaderboard,
     LeaderboardGroup,
@@ -32,7 +33,10 @@ from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.tasks.shipped import BENCH
 
 DOCUMENT: Final = "leaderboard.json"
-FILES: Final = (DOCUMENT, *(f"leaderboard.{suffix}" for suffix in ("md", "tex", "csv")))
+FILES: Final = (
+    DOCUMENT,
+    *(f"{name}.{suffix}" for name in ("leaderboard", "standings") for suffix in FORMATS),
+)
 _KINDS: Final = ("split", "environment", "theme", "tier")
 _SHOWN: Final = ("V", "R", "A", "S", "R_valid", "A_valid", "S_valid")
 
@@ -78,7 +82,7 @@ def leaderboard(
 
 
 def write_leaderboard(folder: Path, board: Leaderboard, *, overwrite: bool) -> None:
-    """leaderboard.json, .md, .tex and .csv; a folder with anything else in it is refused."""
+    """leaderboard.json, .md, .tex, .csv, and standings.*; a folder with others is refused."""
     folder.mkdir(parents=True, exist_ok=True)
     strangers = sorted(path.name for path in folder.iterdir() if path.name not in FILES)
     there = folder / DOCUMENT
@@ -94,6 +98,8 @@ def write_leaderboard(folder: Path, board: Leaderboard, *, overwrite: bool) -> N
     for suffix, render in FORMATS.items():
         shown = long_table(board) if suffix == "csv" else wide_table(board)
         write_text(folder / f"leaderboard.{suffix}", render(shown))
+        if board.standings is not UNSET:
+            write_text(folder / f"standings.{suffix}", render(standings_table(board)))
 
 
 def wide_table(board: Leaderboard, *, every_group: bool = True) -> Table:

@@ -251,6 +251,14 @@ class ModelPrice(Record, frozen=True, kw_only=True):
     cached_input_usd: _Price
     output_usd: _Price
 
+    def cost_usd(self, prompt: int, cached: int, completion: int) -> float:
+        """Of tokens: cached ones are part of the prompt's."""
+        return (
+            (prompt - cached) * self.input_usd
+            + cached * self.cached_input_usd
+            + completion * self.output_usd
+        ) / 1_000_000
+
 
 class PriceCardFile(Record, frozen=True, kw_only=True):
     """prices.toml. date: when the sources were read."""

@@ -1,4 +1,4 @@
-"""Results of the bench: leaderboard.json, judges.json and the lines of `legoworld bench serve`."""
+"""Results of the bench: leaderboard.json, judges.json, and what `legoworld bench serve` says."""
 
 from __future__ import annotations
 
@@ -47,6 +47,49 @@ class LeaderboardRow(Record, frozen=True, kw_only=True):
     groups: tuple[LeaderboardGroup, ...]
 
 
+class Rank(Record, frozen=True, kw_only=True):
+    """A system's rank, 1 the best, with its interval over draws; null over a single family."""
+
+    rank: int
+    low: int | None
+    high: int | None
+
+
+class PairedDifference(Record, frozen=True, kw_only=True):
+    """Of two rows, by their places from 0: the first's mean minus the second's."""
+
+    first: int
+    second: int
+    difference: float
+    interval: Interval | None
+
+
+class Cost(Record, frozen=True, kw_only=True):
+    """A system's mean cost a trial in US dollars, of those that tell it; null where none does.
+
+    usd: by the transcript or a price card, told by `told` trials; standard_usd: all tokens at one
+    price, by `standard_told`. frontier: every trial tells it, and no other system is as good and as
+    cheap, and better in one.
+    """
+
+    trials: int
+    usd: float | None
+    told: int
+    standard_usd: float | None
+    standard_told: int
+    frontier: bool
+    standard_frontier: bool
+
+
+class Standings(Record, frozen=True, kw_only=True):
+    """Rows against each other. ranks, costs: of each row."""
+
+    metric: Literal["S", "R"]
+    ranks: tuple[Rank, ...]
+    pairs: tuple[PairedDifference, ...]
+    costs: tuple[Cost, ...]
+
+
 class Leaderboard(Record, frozen=True, kw_only=True):
     """Rows by falling S over all attempted; evidence_sha256: of each evaluation, by its name."""
 
@@ -57,6 +100,7 @@ class Leaderboard(Record, frozen=True, kw_only=True):
     seed: int
     rows: tuple[LeaderboardRow, ...]
     evidence_sha256: dict[str, str]
+    standings: Standings | UnsetType = UNSET
 
 
 Aspect = Literal["reconstruction", "appearance"]
@@ -150,12 +194,20 @@ class JudgesFile(Record, frozen=True, kw_only=True):
     aspects: dict[str, AspectAgreement]
 
 
+#: What of a submission is scored: R alone, or A and S, too.
+Parts = Literal["R", "RA"]
+
+
 class ServeRequest(Record, frozen=True, kw_only=True):
-    """One submission to score. scene: its folder; id: given back as it is."""
+    """One submission to score. scene: its folder, "" where it is sent; id: given back as it is.
+
+    parts: all that the server offers where it is left out.
+    """
 
     scene: str
     image_id: int
     id: str | int | None = None
+    parts: Parts | UnsetType = UNSET
 
 
 class ServeAnswer(Record, frozen=True, kw_only=True):
@@ -179,3 +231,44 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
     validity: dict[str, Check] | None
     flags: tuple[Flag, ...]
     warnings: tuple[str, ...]
+
+
+class ScalarAnswer(Record, frozen=True, kw_only=True):
+    """A `ServeAnswer` over HTTP, without what tells the private half apart.
+
+    reward: S, or R where nothing is rendered. Every score is a multiple of `step`, exact where that
+    is 0. V: null for a valid .blend that was sent alone, too: it has no artefacts.
+    """
+
+    id: str | int | None
+    image_id: int | None
+    status: str
+    reason: str | None
+    V: Literal[0, 1] | None
+    R: float | None
+    A: float | None
+    S: float | None
+    reward: float | None
+    step: float
+
+
+class ObjectsAnswer(ScalarAnswer, frozen=True, kw_only=True):
+    """With --per-object: all of a `ServeAnswer` but its path; the objects' numbers are exact."""
+
+    objects: tuple[ObjectRow, ...]
+    validity: dict[str, Check] | None
+    flags: tuple[Flag, ...]
+    warnings: tuple[str, ...]
+
+
+class RewardsRequest(Record, frozen=True, kw_only=True):
+    """OpenRLHF's form. query: scenes' paths below the root; labels: their image ids."""
+
+    query: tuple[str, ...]
+    labels: tuple[int | str, ...]
+
+
+class RewardsAnswer(Record, frozen=True, kw_only=True):
+    """The rewards, in the order of the queries."""
+
+    rewards: tuple[float, ...]

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
+import tarfile
+import urllib.parse
+import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from checkout import CHECKOUT
 from waiting import PATIENCE_S, until
 
 import legoworld
@@ -82,16 +92,6 @@ def test_a_list_of_submissions_is_scored_in_its_order(dataset, tmp_path):
     assert (missing.V, missing.R, missing.status) == (0, 0.0, "missing")
 
 
-def test_appearance_is_scored_with_a_render(dataset, tmp_path):
-    hard = str(dataset / "itself" / "den__hard__view_00")
-    (answer,) = serve(
-        dataset, [json.dumps({"scene": hard, "image_id": 3})], "--workers", "1", scratch=tmp_path
-    )
-    assert answer["R"] == 1.0
-    assert answer["A"] > 0.9
-    assert answer["S"] == pytest.approx((1 + answer["A"]) / 2)
-
-
 def test_ctrl_c_leaves_no_scratch(dataset, tmp_path):
     command = [
         sys.executable,
@@ -110,7 +110,7 @@ def test_ctrl_c_leaves_no_scratch(dataset, tmp_path):
     ) as process:  # fmt: skip
         process.stdin.write(f"{request}\n" * 3)
         process.stdin.flush()
-        until(lambda: list(tmp_path.glob("legoworld-blender-*")), "the start of Blender")
+        until(lambda: list(tmp_path.glob("*/legoworld-blender-*")), "the start of Blender")
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=PATIENCE_S) == 130
     assert list(tmp_path.iterdir()) == []
@@ -130,3 +130,130 @@ def test_the_scratch_of_a_killed_server_goes_with_the_next_one(dataset, tmp_path
     assert list(tmp_path.glob("legoworld-serve-*"))
     serve(dataset, ["no request"], scratch=tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+TOKEN = "0123456789abcdef"
+
+
+@pytest.fixture(scope="module")
+def service(dataset, tmp_path_factory):
+    """A running service of R and A, with its address, its process and its scratch."""
+    scratch = tmp_path_factory.mktemp("service")
+    command = [sys.executable, "-m", "legoworld", "bench", "serve", str(dataset / "bench"),
+               "--http", "--port", "0", "--host", "127.0.0.1", "--workers", "2", "--step", "0",
+               "--no-cache",
+               "--per-object", "--queue", "64", "--body-limit", "16", "--unpacked-limit", "32",
+               "--root", str(dataset)]  # fmt: skip
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "TMPDIR": str(scratch), "LEGOWORLD_SERVE_TOKEN": TOKEN},
+    ) as process:  # fmt: skip
+        line = process.stderr.readline()
+        assert line.startswith("listening on http://127.0.0.1:")
+        yield SimpleNamespace(url=line.split()[-1], process=process, scratch=scratch)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=PATIENCE_S) == 0
+    assert list(scratch.iterdir()) == []
+
+
+def tarred(folder: Path) -> bytes:
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w") as archive:
+        archive.add(folder, ".")
+    return stream.getvalue()
+
+
+def send(service, data: bytes, **query) -> dict[str, Any]:
+    url = f"{service.url}/score?{urllib.parse.urlencode(query)}"
+    asked = urllib.request.Request(url, data, {"Authorization": f"Bearer {TOKEN}"})
+    with urllib.request.urlopen(asked, timeout=PATIENCE_S) as answer:
+        return json.load(answer)
+
+
+def evaluated(dataset: Path, scenes: Path, folder: Path, *more: str) -> dict[str, Any]:
+    """The rows of `evaluate`, by the cases' names."""
+    track, run = dataset / "bench" / "public" / "track.json", str(folder / "run")
+    asked = ["--task", "bench", "--track", str(track), "-o", run, "--workers", "1", "-q", *more]
+    assert cli.run(["readout", str(scenes), *asked]) in (0, 1)
+    assert cli.run(["evaluate", run, "--truth", str(dataset / "bench" / "private"), "-q",
+                    "-o", str(folder / "evaluation"), "--no-diagnostics"]) == 0  # fmt: skip
+    lines = (folder / "evaluation" / "per_image.jsonl").read_text("utf-8").splitlines()
+    return {Path(row["file_name"]).stem: row for row in map(json.loads, lines)}
+
+
+def test_answers_over_http_are_those_of_evaluate(dataset, submissions, service, tmp_path):
+    """In every bit: valid or not, as an archive and by its path below the root."""
+    places = {
+        "den__easy__view_00": dataset / "itself" / "den__easy__view_00",
+        "den__hard__view_00": submissions / "cheat",
+        "den__hard__view_01": submissions / "flat_picture",
+        "den__medium__view_00": submissions / "nan",
+    }
+    for name, place in places.items():
+        shutil.copytree(place, dataset / "sent" / name)
+    rows = evaluated(dataset, dataset / "sent", tmp_path, "--no-render")
+    for name in places:
+        row, image_id = rows[name], rows[name]["image_id"]
+        sent = send(service, tarred(dataset / "sent" / name), image_id=image_id, parts="R")
+        path = {"scene": f"sent/{name}", "image_id": image_id, "parts": "R"}
+        asked = urllib.request.Request(
+            f"{service.url}/score", json.dumps(path).encode(),
+            {"Authorization": f"Bearer {TOKEN}", "Content-Type": "application/json"},
+        )  # fmt: skip
+        with urllib.request.urlopen(asked, timeout=PATIENCE_S) as answer:
+            named = json.load(answer)
+        for found in (sent, named):
+            for key in ("R", "objects", "status", "reason", "validity", "warnings"):
+                assert found[key] == row[key], (name, key)
+            assert (found["V"], found["reward"]) == (row["valid"], row["R"])
+    assert {row["valid"] for row in rows.values()} == {True, False}
+
+
+def test_a_and_s_by_the_page_s_client_are_those_of_evaluate(dataset, service, tmp_path):
+    page = (CHECKOUT / "docs" / "scoring-service.md").read_text(encoding="utf-8")
+    client: dict[str, Any] = {}
+    exec(re.search(r"```python client\n(.*?)```", page, re.S)[1], client)
+    hard = dataset / "itself" / "den__hard__view_00"
+    shutil.copytree(hard, tmp_path / "one" / hard.name)
+    row = evaluated(dataset, tmp_path / "one", tmp_path, "--image-id", "3")[hard.name]
+    answer = client["score"](service.url, TOKEN, 3, tarred(hard))
+    for key in ("R", "A", "S", "objects", "validity", "warnings", "flags"):
+        assert answer[key] == row[key], key
+    assert answer["A"] > 0.9
+    assert answer["reward"] == row["S"]
+
+
+def test_a_blend_alone_has_r_and_no_v(dataset, submissions, service):
+    hard = dataset / "itself" / "den__hard__view_00"
+    answer = send(service, (hard / "scene.blend").read_bytes(), image_id=3, parts="R")
+    assert (answer["V"], answer["R"], answer["status"]) == (None, 1.0, "ok")
+    assert not [w for w in answer["warnings"] if w.startswith("not valid")]
+    blend = (submissions / "nan" / "scene.blend").read_bytes()
+    answer = send(service, blend, image_id=3, parts="R")
+    assert (answer["V"], answer["R"]) == (0, 0.0)
+
+
+def test_killed_workers_and_blenders_lose_no_answer(dataset, service):
+    data = (dataset / "itself" / "den__hard__view_00" / "scene.blend").read_bytes()
+
+    def ask(number: int) -> float:
+        return send(service, data, image_id=3, parts="R", id=number)["R"]
+
+    with ThreadPoolExecutor(4) as clients:
+        asked = [clients.submit(ask, n) for n in range(16)]
+        for done, name in ((2, "task_process"), (6, "blender.worker"), (10, "task_process")):
+            until(lambda done=done: sum(one.done() for one in asked) >= done)
+            os.kill(_descendants(service.process.pid, name)[0], signal.SIGKILL)
+        assert [one.result() for one in asked] == [1.0] * 16
+
+
+def _descendants(pid: int, name: str) -> list[int]:
+    """Processes below one that have a word on their command line."""
+    listed = subprocess.run(
+        ["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True
+    )
+    table = [line.split(None, 2) for line in listed.stdout.splitlines()]
+    below = {str(pid)}
+    for _ in range(3):
+        below |= {child for child, parent, _ in table if parent in below}
+    return [int(child) for child, _, words in table if child in below and name in words]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import tempfile
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,10 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import until
 
+from legoworld.bench import score_worker
 from legoworld.bench import server as serving
-from legoworld.bench.server import ScoreServer, ScoreWorker, scene_below
+from legoworld.bench.score_worker import Order, ScoreWorker, no_score, scene_below
+from legoworld.bench.server import ScoreServer
 from legoworld.records.base import canonical, decode
 from legoworld.records.bench_results import ServeAnswer
+from legoworld.workers.task_process import ProcessLostError
 
 #: image id -> what its scoring raises.
 RAISED = {1: ValueError("not foreseen"), 2: MemoryError(), 3: OSError(5, "Input/output error")}
@@ -28,10 +32,14 @@ def server(tmp_path_factory):
         dataset=SimpleNamespace(cases=dict.fromkeys(RAISED)),
         root=tmp_path_factory.mktemp("root"),
         limits=None,
+        rules={"R": None},
+        cache=None,
     )
     with pytest.MonkeyPatch.context() as patch:
-        nothing = SimpleNamespace(close=lambda: None, abort=lambda: None)
-        patch.setattr(serving, "BlenderProcess", lambda _limits: nothing)
+        nothing = SimpleNamespace(close=lambda: None)
+        patch.setattr(score_worker, "BlenderProcess", lambda _limits: nothing)
+        patch.setattr(serving, "TaskProcess", InThisProcess)
+        patch.setattr(tempfile, "tempdir", tempfile.gettempdir())  # a worker's own is another
 
         def scored(_self, request, _scene):
             raise RAISED[request.image_id]
@@ -39,6 +47,18 @@ def server(tmp_path_factory):
         patch.setattr(ScoreWorker, "_score_scene", scored)
         with ScoreServer(options, 2) as made:
             yield made
+
+
+class InThisProcess:
+    """A worker's process that is none, so that what it does can be replaced."""
+
+    def __init__(self, function) -> None:
+        self.call = function
+
+    def __class_getitem__(cls, _types):
+        return cls
+
+    abort = close = staticmethod(lambda: None)
 
 
 def answers(server: ScoreServer, lines: list[bytes]) -> list[ServeAnswer]:
@@ -49,7 +69,10 @@ def answers(server: ScoreServer, lines: list[bytes]) -> list[ServeAnswer]:
 
 REQUEST = st.fixed_dictionaries(
     {"scene": st.text(), "image_id": st.integers(-1, 5) | st.floats() | st.none()},
-    optional={"id": st.text() | st.integers() | st.lists(st.integers())},
+    optional={
+        "id": st.text() | st.integers() | st.lists(st.integers()),
+        "parts": st.sampled_from(["R", "RA", "X"]),
+    },
 ).map(lambda value: json.dumps(value).encode())
 LINE = REQUEST | st.binary() | st.text().map(lambda t: json.dumps(t).encode())
 
@@ -79,19 +102,39 @@ def test_a_line_that_is_not_utf_8_and_one_of_2_mib_are_refused(server):
     assert [a.status for a in found] == ["refused"] * 3
 
 
+@pytest.mark.parametrize(("losses", "status"), [(1, "ok"), (2, "ok"), (3, "evaluator_error")])
+def test_an_order_whose_process_is_lost_is_given_to_another(losses, status, monkeypatch):
+    class Worker(InThisProcess):
+        def call(self, order):
+            calls.append(order)
+            if len(calls) <= losses:
+                raise ProcessLostError("killed")
+            return no_score(None, "", status="ok")
+
+        def __init__(self, _scorer) -> None:
+            pass
+
+    calls: list[Order] = []
+    monkeypatch.setattr(serving, "TaskProcess", Worker)
+    with ScoreServer(None, 1) as server:
+        line = json.dumps({"scene": "s", "image_id": 4, "id": "x"}).encode()
+        answer = server.submit(Order(line=line)).result()
+        assert (answer.status, server.lost) == (status, losses)
+    assert answer.id == ("x" if losses == 3 else None)
+
+
 def test_lines_that_wait_are_not_scored_after_an_interruption(monkeypatch):
     scored, over = [], threading.Event()
 
-    class Worker:
-        def __init__(self, _options) -> None:
-            pass
-
-        def answer(self, line):
-            scored.append(line)
+    class Worker(InThisProcess):
+        def call(self, order):
+            scored.append(order.line)
             over.wait()
 
+        def __init__(self, _scorer) -> None:
+            pass
+
         abort = staticmethod(over.set)
-        close = staticmethod(lambda: None)
 
     class Interrupted(io.BytesIO):
         def readline(self, *given):
@@ -100,7 +143,7 @@ def test_lines_that_wait_are_not_scored_after_an_interruption(monkeypatch):
             until(lambda: scored)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(serving, "ScoreWorker", Worker)
+    monkeypatch.setattr(serving, "TaskProcess", Worker)
     with ScoreServer(None, 1) as server, pytest.raises(KeyboardInterrupt):
         server.serve(Interrupted(b"1\n2\n"), lambda _: None)
     assert scored == [b"1\n"]

@@ -13,6 +13,7 @@ from commands.every_command import command_of, commands
 
 import legoworld
 from legoworld import cli
+from legoworld.api.bench import bench_serve
 from legoworld.bench.harbor import HarborOptions
 from legoworld.plugin.serve import serve_plugin
 
@@ -35,6 +36,10 @@ OF_THE_COMMAND: Final = {"out", "as_json", "quiet", "verbose", "no_cache"}
 OF_ONE_COMMAND: Final = {
     "baseline run": {"resume"},  # the default
     "bench export": {"harbor"},  # the only form there is
+    "bench serve": {  # of `serve_bench_http`, which serves another program
+        "http", "host", "port", "token_file", "queue", "body_limit", "unpacked_limit", "step",
+        "per_object",
+    },
     "compare": {"joining"},  # legoworld.comparison has joined comparisons
     # of a view
     "inspect": {"scene", "size_wh", "photo", "task", "track", "compare_sources", "output"},
@@ -117,3 +122,10 @@ def test_the_plugin_s_server_takes_what_its_command_offers():
     taken = inspect.signature(serve_plugin).parameters
     offered = {p.name for p in command_of(("plugin", "serve")).params}
     assert offered - {"rounds", "rollbacks", "help"} == set(taken) - {"limits"}
+
+
+def test_the_scoring_service_takes_what_its_command_offers():
+    taken = set(inspect.signature(bench_serve).parameters) - {"requests", "answer"}
+    offered = {str(p.name) for p in command_of(("bench", "serve")).params}
+    of_http = OF_ONE_COMMAND["bench serve"]
+    assert offered == of_http | taken | {"no_cache", "help"}

@@ -95,8 +95,12 @@ def test_a_submission_that_is_missing_is_a_reward_of_0(tmp_path):
 )
 def test_no_reward_where_nothing_was_scored_and_an_earlier_one_goes(rows, tmp_path, capsys):
     command = write_rows(tmp_path / "one", *rows)
-    (tmp_path / "one" / "reward.json").write_text("{}", encoding="utf-8")
-    assert cli.run(command) == exit_codes.NOT_ASSESSED
+    earlier = tmp_path / "one" / "reward.json"
+    earlier.write_text("{}", encoding="utf-8")
+    assert cli.run(command) == exit_codes.UNUSABLE
+    assert "already exists" in capsys.readouterr().err
+    assert earlier.read_text("utf-8") == "{}"
+    assert cli.run([*command, "--overwrite"]) == exit_codes.NOT_ASSESSED
     assert "gives no reward; found: " in capsys.readouterr().err
     assert not (tmp_path / "one" / "reward.json").exists()
 

@@ -63,6 +63,12 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
       "2.verifier_timeout_s": 12.0, "2.cpus": 3, "2.memory_mb": 512}),
     ("bench serve . --diagnostics --no-render --workers 2", "legoworld.api.bench.ScoreServer",
      {"0.diagnostics": True, "1": 2}),
+    ("bench serve . --http --host h --port 9 --token-file token --queue 3 --body-limit 2 "
+     "--unpacked-limit 4 --step 0.5 --per-object --root . --no-render",
+     "legoworld.api.bench.serve_bench_http",
+     {"0": Path(), "1.host": "h", "1.port": 9, "1.token": 4 * "secret", "1.queue": 3,
+      "1.body_bytes": 2 << 20, "1.unpacked_bytes": 4 << 20, "1.step": 0.5, "1.per_object": True,
+      "root": Path(), "render": False}),
     ("trajectory score . --truth . -o out --sandbox limits --workers 3",
      "legoworld.trajectories.api.score_trajectories",
      {"1.limits.time_s": 600.0, "1.limits.memory_bytes": 8 << 30, "1.held.bubblewrap": None,
@@ -175,6 +181,7 @@ def test_what_is_typed_arrives(command, target, expected, tmp_path, monkeypatch)
     (tmp_path / "x.txt").touch()
     (tmp_path / "d").mkdir()
     (tmp_path / "ids.txt").write_text("5\n7\n")
+    (tmp_path / "token").write_text("secret" * 4)
 
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"{}")))
 

@@ -274,7 +274,8 @@ class TestTable:
         assert "agent a" in out
         assert "75.0 (11.8)" in out
         before = {p.name: p.read_bytes() for p in (tmp_path / "t").iterdir()}
-        assert set(before) == {f"leaderboard.{x}" for x in ("json", "md", "tex", "csv")}
+        tables = {f"{t}.{x}" for t in ("leaderboard", "standings") for x in ("md", "tex", "csv")}
+        assert set(before) == {"leaderboard.json", *tables}
         assert cli.run([*words, "--draws", "100"]) == 0
         assert {p.name: p.read_bytes() for p in (tmp_path / "t").iterdir()} == before
         lines = (tmp_path / "t" / "leaderboard.csv").read_text().splitlines()

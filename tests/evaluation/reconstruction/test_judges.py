@@ -124,7 +124,13 @@ def test_the_command(tmp_path, capsys):
         "own builds 45.83, others' 45.39; own above the others' mean for 3 of 6 builders",
         "astra: the same choice in - of 0 swapped items; chose the first shown in 47.8%",
     ]
-    assert json.loads((tmp_path / "judges.json").read_text())["judgements"] == 36 * 2 * ITEMS
+    written = tmp_path / "judges.json"
+    assert json.loads(written.read_text())["judgements"] == 36 * 2 * ITEMS
+    written.write_text("mine")
+    assert cli.run(["bench", "judges", str(path), "-o", str(written)]) == 2
+    assert written.read_text() == "mine"
+    assert cli.run(["bench", "judges", str(path), "-o", str(written), "--overwrite"]) == 0
+    assert written.read_text() != "mine"
 
 
 def test_ties_and_both_bad_count(tmp_path):
