@@ -81,8 +81,8 @@ def write_panoptic(run_folder: Path, output: Path, *, track: Path | None) -> Wri
             for c in vocabulary_of_run(run, track).categories
         ),
     )
-    shutil.copytree(run_folder / Path(ANSWERS).stem, output / "panoptic")
-    write_text(output / "panoptic.json", canonical_json(as_json(truth)) + "\n")
+    shutil.copytree(run_folder / Path(ANSWERS).stem, output / PANOPTIC.name)
+    write_text(output / f"{PANOPTIC.name}.json", canonical_json(as_json(truth)) + "\n")
     segments = sum(len(one.segments_info) for one in answers.annotations)
     return Written(images=len(run.images), annotations=segments)
 
