@@ -17,7 +17,7 @@ from legoworld.exports.formats import Written
 from legoworld.files import canonical_json, write_text
 from legoworld.readouts.family import ANSWERS
 from legoworld.records.base import UNSET, RecordError, as_json, decode
-from legoworld.records.panoptic_file import PanopticAnswers, PanopticTruthFile
+from legoworld.records.coco_file import PanopticAnswers, PanopticTruthFile
 from legoworld.records.track import CategoryInfo, ImageInfo
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import find_family, task_named
