@@ -30,7 +30,7 @@ def shown(value: float) -> str:
     """A number as the tables have it."""
     if np.isnan(value):
         return "-"
-    return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.3f}"
+    return f"{value:.0f}" if abs(value - round(value)) < 1e-6 else f"{value:.3f}"
 
 
 def drops(scores: Scores, copy: str, drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
