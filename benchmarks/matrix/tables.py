@@ -30,7 +30,9 @@ def shown(value: float) -> str:
     """A number as the tables have it."""
     if np.isnan(value):
         return "-"
-    return f"{value:.0f}" if abs(value - round(value)) < 1e-6 else f"{value:.3f}"
+    if abs(value - round(value)) < 1e-6:
+        return f"{value:.0f}"
+    return f"{value:.1f}" if abs(value) >= 10 else f"{value:.3f}"
 
 
 def drops(scores: Scores, copy: str, drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -171,7 +173,8 @@ def picture(scores: Scores, file: Path) -> None:
             color = tuple(int(255 - (255 - c) * share**0.5) for c in (24, 74, 120))
             x = left + k * cell_w
             draw.rectangle((x, y, x + cell_w - 2, y + cell_h - 2), fill=color)
-            label = shown(scores.values[scores.of(copy), k]).replace("0.", ".")
+            label = shown(scores.values[scores.of(copy), k])
+            label = label[1:] if label.startswith("0.") else label
             ink = "white" if share > 0.3 else "black"
             draw.text((x + 6, y + 4), label, fill=ink, font=font)
     image.save(file)
