@@ -9,16 +9,23 @@ itself: what `legoworld bench make --keep-scenes` wrote. The changes, --amount a
     scale      the world grows about the camera, share [0.02]
     delete     every n-th scored thing is gone [2]
     duplicate  every n-th scored thing stands twice, half its width apart [2]
-    swap       the meshes of things change places, in pairs [any]
+    swap       the meshes of things change places, of every n-th pair by name [1]
+    move       every thing moves over the ground, metres, in a direction of its own [0.1]
+    turn       every thing turns about its upright axis, degrees [15]
     noise      every vertex moves by a Gaussian, metres [0.02]
+    hollow     every n-th thing loses the faces that the camera does not see [2]
+    relabel    every n-th thing has the labels of the next thing of another category [2]
+    paint      every n-th thing has a plain colour of its own [2]
     another    the next family's scene of the same tier and view [any]
 """
 
 from __future__ import annotations
 
 import argparse
+import colorsys
 import json
 import logging
+import math
 import random
 import shutil
 import sys
@@ -26,11 +33,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bmesh
 import bpy
 from mathutils import Matrix, Vector
 
-DEFAULTS = {"none": 0.0, "camera": 0.1, "scale": 0.02, "delete": 2, "duplicate": 2, "swap": 0,
-            "noise": 0.02, "another": 0}  # fmt: skip
+DEFAULTS = {"none": 0.0, "camera": 0.1, "scale": 0.02, "delete": 2, "duplicate": 2, "swap": 1,
+            "move": 0.1, "turn": 15, "noise": 0.02, "hollow": 2, "relabel": 2, "paint": 2,
+            "another": 0}  # fmt: skip
 #: What copies a kept case and opens no scene.
 COPIES = ("none", "another")
 
@@ -81,11 +90,86 @@ def duplicate(amount: float) -> None:
             copied.matrix_world = Matrix.Translation(aside) @ part.matrix_world
 
 
-def swap(_amount: float) -> None:
+def swap(amount: float) -> None:
     """Neighbours by name show each other's mesh."""
     parts = [part for thing in things() for part in meshes_of(thing)[:1]]
-    for first, second in zip(parts[::2], parts[1::2], strict=False):
+    pairs = list(zip(parts[::2], parts[1::2], strict=False))
+    for first, second in pairs[:: max(1, int(amount))]:
         first.data, second.data = second.data, first.data
+
+
+def move(amount: float) -> None:
+    """Seeded directions, all as long."""
+    drawn = random.Random(0)
+    for thing in things():
+        angle = drawn.uniform(0.0, 2.0 * math.pi)
+        aside = Vector((amount * math.cos(angle), amount * math.sin(angle), 0.0))
+        thing.matrix_world = Matrix.Translation(aside) @ thing.matrix_world
+
+
+def turn(amount: float) -> None:
+    """About the middle of a thing's own origin, to the left and right in turn."""
+    for number, thing in enumerate(things()):
+        place = Matrix.Translation(thing.matrix_world.translation)
+        angle = math.radians(amount if number % 2 else -amount)
+        turned = place @ Matrix.Rotation(angle, 4, "Z") @ place.inverted()
+        thing.matrix_world = turned @ thing.matrix_world
+
+
+def hollow(amount: float) -> None:
+    """Rays to each face's middle and, a tenth inwards, to its corners decide what is seen."""
+    scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
+    eye = scene.camera.matrix_world.translation
+    shown: dict[Any, list[int]] = {}
+    for part in (p for thing in things()[:: max(1, int(amount))] for p in meshes_of(thing)):
+        part.data = part.data.copy()
+        for face in part.data.polygons:
+            middle = part.matrix_world @ face.center
+            corners = [part.matrix_world @ part.data.vertices[v].co for v in face.vertices]
+            targets = (middle, *(corner.lerp(middle, 0.1) for corner in corners))
+            if any(_sees(scene, graph, eye, target) for target in targets):
+                shown.setdefault(part, []).append(face.index)
+        hidden = set(range(len(part.data.polygons))) - set(shown.get(part, ()))
+        mesh = bmesh.new()
+        mesh.from_mesh(part.data)
+        mesh.faces.ensure_lookup_table()
+        bmesh.ops.delete(mesh, geom=[mesh.faces[i] for i in hidden], context="FACES")
+        mesh.to_mesh(part.data)
+        mesh.free()
+
+
+def _sees(scene: Any, graph: Any, eye: Vector, target: Vector) -> bool:
+    """Whether nothing is in front of a point; what is behind its own face does not count."""
+    way = target - eye
+    hit, place, *_ = scene.ray_cast(graph, eye, way.normalized(), distance=way.length * 1.001)
+    return not hit or (place - eye).length > way.length - 1e-4 * way.length
+
+
+def relabel(amount: float) -> None:
+    """Names alone: no surface changes."""
+    known = things()
+    labels = [{k: t[k] for k in t.keys() if k.endswith("category")} for t in known]  # noqa: SIM118
+    for i in range(0, len(known), max(1, int(amount))):
+        others = (labels[(i + n) % len(known)] for n in range(1, len(known)))
+        other = next((o for o in others if o["category"] != labels[i]["category"]), labels[i])
+        for key in labels[i]:
+            del known[i][key]
+        for key, value in other.items():
+            known[i][key] = value
+
+
+def paint(amount: float) -> None:
+    """Colours alone: a plain material, its hue by the thing's number."""
+    for number, thing in enumerate(things()[:: max(1, int(amount))]):
+        material = bpy.data.materials.new(f"Paint {number}")
+        material.use_nodes = True
+        color = colorsys.hsv_to_rgb(number * 0.381966 % 1.0, 0.8, 0.6)
+        shader = material.node_tree.nodes["Principled BSDF"]
+        shader.inputs["Base Color"].default_value = (*color, 1.0)
+        for part in meshes_of(thing):
+            part.data = part.data.copy()
+            for slot in range(len(part.data.materials)):
+                part.data.materials[slot] = material
 
 
 def noise(amount: float) -> None:
@@ -98,7 +182,8 @@ def noise(amount: float) -> None:
 
 CHANGES: dict[str, Callable[[float], None]] = {
     "camera": camera, "scale": scale, "delete": delete, "duplicate": duplicate, "swap": swap,
-    "noise": noise,
+    "move": move, "turn": turn, "noise": noise, "hollow": hollow, "relabel": relabel,
+    "paint": paint,
 }  # fmt: skip
 
 

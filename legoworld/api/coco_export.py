@@ -86,7 +86,7 @@ def export(
         file /= "annotations.json"
     refuse_existing(file, overwrite=overwrite)
     document = _document_of_views(run_or_views)
-    write_text(file, _readable(document))
+    write_text(file, readable_document(document))
     return document
 
 
@@ -161,6 +161,15 @@ def export_coco(
     written then.
     """
     refuse_existing(output, overwrite=overwrite)
+    document = document_of_run(run_folder, visible=visible, track=track)
+    write_text(output, readable_document(document))
+    return document
+
+
+def document_of_run(
+    run_folder: Path, *, visible: bool = False, track: Track | str | Path | None = None
+) -> CocoFile:
+    """What `export_coco` writes, and with its errors."""
     source = read_run(run_folder)
     if find_family(source.task) != DETECTION:
         raise UsageError(
@@ -180,7 +189,7 @@ def export_coco(
     vocabulary = vocabulary_of_run(source, track)
     images = [_image(i.image_id, i.file_name, i.size_wh) for i in source.images]
     predictions = _predictions(source, vocabulary)
-    document = CocoFile(
+    return CocoFile(
         info=CocoInfo(
             description=f"legoworld run of {source.task}: predictions as annotations",
             task=source.task,
@@ -191,8 +200,6 @@ def export_coco(
         annotations=tuple(_annotations(source, predictions, visible=visible)),
         categories=tuple(CocoCategory(id=c.id, name=c.name) for c in vocabulary.categories),
     )
-    write_text(output, _readable(document))
-    return document
 
 
 def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
@@ -313,7 +320,7 @@ def _mask(rle: Rle) -> EncodedMask:
     return compress_mask({"size": [*rle.size], "counts": rle.counts}, rle.size)
 
 
-def _readable(document: CocoFile) -> str:
+def readable_document(document: CocoFile) -> str:
     """JSON with one image, annotation or category per line."""
     info = readable(document.info).rstrip().replace("\n", "\n ")
     parts: tuple[tuple[str, Sequence[Record]], ...] = (

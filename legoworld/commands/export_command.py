@@ -58,9 +58,10 @@ def command(
 ) -> int:
     """Write a run, or what the cameras of scenes see, in the format of other tools.
 
-    From a RUN: coco (boxes or masks), kins (amodal masks), omni3d and kitti (boxes in space). A
-    COCO file is a complete dataset: images, categories, and each prediction as an annotation with
-    bbox, area, segmentation (compressed RLE; empty for boxes), iscrowd 0 and score.
+    From a RUN: coco (boxes or masks), kins (amodal masks), lvis (LVIS masks), panoptic (segments),
+    omni3d and kitti (boxes in space). A COCO file is a complete dataset: images, categories, and
+    each prediction as an annotation with bbox, area, segmentation (compressed RLE; empty for
+    boxes), iscrowd 0 and score.
 
     From SCENES (one scene folder, or a folder of them): kitti; bop (poses, models, masks, depth,
     in millimetres); replicator (BasicWriter's files); usd (the scene with semantic labels).

@@ -43,6 +43,8 @@ class Format:
 FORMATS: Final = (
     Format(name="coco", document="legoworld.api.coco_export:export"),
     Format(name="kins", document="legoworld.api.coco_export:export"),
+    Format(name="lvis", run="legoworld.api.truth_export:write_lvis"),
+    Format(name="panoptic", run="legoworld.api.truth_export:write_panoptic"),
     Format(name="omni3d", run="legoworld.api.boxes3d_export:write_omni3d"),
     Format(
         name="kitti",

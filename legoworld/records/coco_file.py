@@ -26,19 +26,22 @@ class CocoInfo(Record, frozen=True, kw_only=True):
 
 
 class CocoImage(Record, frozen=True, kw_only=True):
-    """A photo."""
+    """A photo. neg_category_ids, not_exhaustive_category_ids: of LVIS, what was verified on it."""
 
     id: int
     file_name: str
     width: int
     height: int
+    neg_category_ids: tuple[int, ...] | UnsetType = UNSET
+    not_exhaustive_category_ids: tuple[int, ...] | UnsetType = UNSET
 
 
 class CocoCategory(Record, frozen=True, kw_only=True):
-    """A category."""
+    """A category. frequency: of LVIS, the group it is averaged in."""
 
     id: int
     name: str
+    frequency: str | UnsetType = UNSET
 
 
 class ObjectNames(Record, frozen=True, kw_only=True):

@@ -65,9 +65,13 @@ def _only(row: LabelMapRow, number: int) -> LabelMapRow:
 def mean_of(values: F64, defined: NDArray[np.bool_]) -> F64:
     """The mean over the last axis of what is defined, added in order; NaN of nothing."""
     kept = np.where(defined, values, 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean: F64 = np.add.accumulate(kept, axis=-1)[..., -1] / defined.sum(axis=-1)
-    return mean
+    return ratio(in_order(kept), defined.sum(axis=-1))
+
+
+def in_order(values: F64) -> F64:
+    """The sum over the last axis, added from first to last; 0 of nothing."""
+    total: F64 = np.add.accumulate(values, axis=-1)[..., -1:].sum(axis=-1)
+    return total
 
 
 def ratio(part: F64, whole: F64) -> F64:

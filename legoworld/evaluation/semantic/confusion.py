@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.label_maps.errors import MapInvalidError
 from legoworld.evaluation.label_maps.family import F64, MapItem, Measured
 from legoworld.evaluation.label_maps.png import check_size, read_values
-from legoworld.evaluation.label_maps.sums import mean_of, ratio
+from legoworld.evaluation.label_maps.sums import in_order, mean_of, ratio
 from legoworld.evaluation.label_maps.view import label_map_view, shown
 from legoworld.evaluation.semantic.truth import load_classes
 from legoworld.readouts.label_maps import NO_CLASS
@@ -69,7 +69,7 @@ def semantic_values(sums: F64, _things: NDArray[np.bool_]) -> dict[str, F64]:
     weighted = np.where(truth > 0, truth * np.nan_to_num(of["IoU"]), 0.0)
     return {
         "mIoU": mean_of(of["IoU"], ~np.isnan(of["IoU"])),
-        "fwIoU": ratio(np.add.accumulate(weighted, axis=-1)[..., -1], every),
+        "fwIoU": ratio(in_order(weighted), every),
         "mAcc": mean_of(of["Acc"], truth > 0),
         "aAcc": ratio(hit.sum(axis=-1), every),
     }

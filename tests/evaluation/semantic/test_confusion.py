@@ -173,3 +173,9 @@ def test_unusable_files_are_told(tmp_path, capsys):
     (tmp_path / "truth/b.png").unlink()
     call(*evaluate, code=2)
     assert "1 of 3 images of the run have no ground truth" in capsys.readouterr().err
+
+
+def test_pictures_without_any_class_have_no_metrics():
+    nothing = semantic_values(np.zeros((5, 0, 4)), NOTHING)  # five draws
+    assert {name: value.shape for name, value in nothing.items()} == dict.fromkeys(nothing, (5,))
+    assert all(np.isnan(value).all() for value in nothing.values())
