@@ -16,6 +16,7 @@ from legoworld.bench.dataset import MadeDataset, MakeRequest, make_dataset
 from legoworld.bench.family import MakeOptions
 from legoworld.bench.harbor import HarborOptions, export_harbor
 from legoworld.bench.http_options import HttpOptions, require_http
+from legoworld.bench.procedural import DrawRequest, draw_scenes
 from legoworld.bench.score_worker import ServeOptions
 from legoworld.bench.server import ScoreServer
 from legoworld.cards import load_card
@@ -52,6 +53,9 @@ def bench_make(
     denoised: bool = True,
     noise_seeds: int = 3,
     keep_scenes: str | Path | None = None,
+    procedural: int | None = None,
+    count: int = 8,
+    assets: str | Path | None = None,
     require_frozen: bool = False,
     workers: int | None = None,
     engine: EngineName = "local",
@@ -65,10 +69,20 @@ def bench_make(
 
     size_wh, samples, denoised: of the pictures. noise_seeds: renders by the render card of which
     A's noise floor is measured. keep_scenes: also write each case there as a scene folder, the
-    reference submitted as itself. Other arguments: as in `readout`. A scene that cannot become
-    cases is among the `refused_families`, with its reason.
+    reference submitted as itself. procedural: a seed by which `count` scenes are first drawn into
+    `scenes`, from KayKit's packs in `assets`. Other arguments: as in `readout`. A scene that cannot
+    become cases is among the `refused_families`, with its reason.
     """
     card, top = load_card(BENCH), Path(output).absolute()
+    if procedural is not None:
+        drawn = DrawRequest(
+            scenes=Path(scenes),
+            seed=procedural,
+            count=count,
+            assets=Path(assets) if assets else None,
+            workers=workers or usable_cores(),
+        )
+        draw_scenes(drawn, listener.notice)
     options = MakeOptions(
         output=top,
         size_wh=size_wh,

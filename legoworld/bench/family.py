@@ -37,6 +37,8 @@ from legoworld.scene.freeze import (
     checked_artefacts,
     hashed_dependencies,
 )
+from legoworld.scene.gltf.buffers import external_files
+from legoworld.scene.gltf.container import parse_glb
 from legoworld.scene.instances import group
 from legoworld.scene.labels import labels_in, resolve_labels
 from legoworld.scene.open_scene import CardRender, OpenedScene, retry_once
@@ -169,13 +171,16 @@ class _Family:
         self._folder, self._options, self._blender = folder, options, blender
         self._blend = str(folder.path.resolve() / BLEND)
         self._halves = Halves(options.output)
+        self._read = BLEND if BLEND in folder.artefacts() else GLB
 
     def make(self) -> MadeFamily:
         files = checked_artefacts(self._folder, require_frozen=self._options.require_frozen)
+        outside = None
+        if self._read == GLB:
+            self._blend, outside = self._import_glb()
         answer = retry_once(lambda: self._blender.request({"kind": "cases", "blend": self._blend}))
-        files = hashed_dependencies(
-            self._folder, answer["dependencies"], files, read_by=BLEND
-        )  # fmt: skip
+        names = answer["dependencies"] if outside is None else outside
+        files = hashed_dependencies(self._folder, names, files, read_by=self._read)
         said: DeclaredCases = answer["cases"]
         cases = [self._case(files, said, wanted) for wanted in self._list_requests(said)]
         return MadeFamily(
@@ -187,6 +192,15 @@ class _Family:
             status="ok",
             reason=None,
         )
+
+    def _import_glb(self) -> tuple[str, list[str]]:
+        """scene.glb as a .blend in the process's workspace, and the files that it reads."""
+        glb = self._folder.file(GLB).resolve()
+        made = self._blender.workspace("legoworld-glb-") / BLEND
+        outside = external_files(parse_glb(glb.read_bytes()).document, glb.parent)
+        request: Request = {"kind": "import_glb", "glb": str(glb), "output": str(made)}
+        retry_once(lambda: self._blender.request(request))
+        return str(made), outside
 
     def _list_requests(self, said: DeclaredCases) -> Iterator[_CaseRequest]:
         family = family_name(self._folder.name)
@@ -216,7 +230,7 @@ class _Family:
             }
             retry_once(lambda: self._blender.request(request))
             case = {"tier": wanted.tier, "view": wanted.camera, "size_wh": options.size_wh}
-            content = {**_content(files), "case": case}
+            content = {**_content(files, self._read), "case": case}
             return self._write_case(folder, files, said, wanted, content)
         finally:
             shutil.rmtree(folder.path, ignore_errors=True)
@@ -296,9 +310,9 @@ class _Family:
         return noise_floor(tuple(seeds), renders, picture, options.delta) if renders else None
 
 
-def _content(files: FrozenFiles) -> dict[str, Any]:
+def _content(files: FrozenFiles, read: str) -> dict[str, Any]:
     """Identity of a reference; the .blend's own bytes differ each time it is saved."""
-    hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
+    hashes = {**files.dependencies, read: files.artefacts.get(read)}
     return {"reference": {name: found and found.sha256 for name, found in hashes.items()}}
 
 

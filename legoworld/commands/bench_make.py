@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command("make")
-@click.argument("scenes", type=EXISTING_FOLDER)
+@click.argument("scenes", type=FOLDER)
 @option("--output", "The dataset to write.")
 @option("--size", "Size of the pictures.", default="1920x1080")
 @option("--limit", "Only the first N reference scenes.")
@@ -38,6 +38,18 @@ if TYPE_CHECKING:
     "Also write each case as a scene folder: the reference submitted as itself. Private.",
     FOLDER,
 )
+@option(
+    "--procedural",
+    "Draw the reference scenes into SCENES by this seed, from eight programs, first.",
+    FROM_ZERO,
+)
+@option("--count", "How many scenes to draw.", COUNT, default=8)
+@option(
+    "--assets",
+    "Folder of KayKit's packs, which the programs read.",
+    EXISTING_FOLDER,
+    envvar="LEGOWORLD_KAYKIT",
+)
 @option("--require-frozen")
 @option("--workers")
 @option("--overwrite", "Delete an earlier dataset first.")
@@ -53,15 +65,19 @@ def make_command(scenes: Path, output: Path, out: Output, **given: Any) -> int:
     visible instances labelled with `category` are scored, unless `scored` is false. A scene that
     cannot become cases is named with its reason; exit code 1 then. --time-limit is for reading a
     scene; each render has 20 s more for every million samples (pixels times samples). Finished
-    renders are in the snapshot cache: re-run the same command to resume.
+    renders are in the snapshot cache: re-run the same command to resume. A scene.glb without a
+    scene.blend is a reference, too; its properties are the extras of its nodes.
 
     \b
     Examples:
       legoworld bench make references -o bench
       legoworld bench make references -o bench --size 960x540 --keep-scenes itself
+      legoworld bench make drawn --procedural 7 --count 40 --assets kaykit -o training
     """
     from legoworld.api.bench import bench_make
 
+    if given["procedural"] is None and not scenes.is_dir():
+        raise click.BadParameter(f"Directory '{scenes}' does not exist.", param_hint="'SCENES'")
     with shown_progress("scene", quiet=out.quiet) as listener:
         made = bench_make(scenes, output, listener=listener, **given)
     out.show(lambda: _document(made, output), _lines(made, output, verbose=out.verbose))
@@ -69,12 +85,15 @@ def make_command(scenes: Path, output: Path, out: Output, **given: Any) -> int:
 
 
 def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
+    from legoworld.bench.hidden import hidden_things
+
     families = [
         {
             "family": f.family,
             "status": f.status,
             "reason": f.reason,
             "cases": [c.file_name for c in f.cases],
+            "hidden": {name: list(things) for name, things in hidden_things(f.cases).items()},
         }
         for f in made.families
     ]
@@ -82,8 +101,14 @@ def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
 
 
 def _lines(made: MadeDataset, output: Path, *, verbose: bool) -> Iterator[str]:
+    from legoworld.bench.hidden import hidden_things
+
     for family in made.refused_families:
         yield f"{family.status}: {family.family}: {family.reason}"
+    for family in made.families:
+        for name, things in hidden_things(family.cases).items():
+            hidden = ", ".join(things)
+            yield f"{name}: hidden here and not scored, though in an earlier tier: {hidden}"
     for family in made.families if verbose else ():
         yield from _cases(family)
     good = len(made.families) - len(made.refused_families)

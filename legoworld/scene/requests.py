@@ -54,12 +54,13 @@ class Request(TypedDict, total=False):
     kind: Required[
         Literal[
             "version", "snapshot", "state", "check", "picture", "card_render", "facts", "cases",
-            "case", "usd", "import",
+            "case", "usd", "import", "import_glb",
         ]
     ]  # fmt: skip
     blend: str
     output: str
     usd: str
+    glb: str
     metres_per_unit: float
     passing: bool
     any_camera: bool

@@ -69,7 +69,8 @@ def test_the_wheel_is_for_one_platform_and_any_python_3(wheel):
 
 #: Files of the catalogue that stay in the checkout: programs that need data of others, and records.
 NOT_SHIPPED = re.compile(
-    r"legoworld/_catalog/(examples/(adapters|bench|coco-val2017|every-question)/.*"
+    r"legoworld/_catalog/(examples/(adapters|coco-val2017|environments|every-question)/.*"
+    r"|examples/bench/(README\.md|cheats/.*)"
     r"|.*/execution\.json|.*\.gitkeep)"
 )
 BUILT = {"legoworld/visibility/_kernel.so", "legoworld/evaluation/kernels/_kernel.so"}

@@ -7,15 +7,27 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from legoworld import cli
+from legoworld.api.settings import make_limits
+from legoworld.files import sha256_of_file
 from legoworld.records.base import decode_lines
 from legoworld.records.bench_results import ServeAnswer
 from legoworld.records.reconstruction import ReconstructionRow
+from legoworld.scene.blender_process import BlenderProcess
+from legoworld.scene.folder import find_scene
+from legoworld.scene.freeze import checked_artefacts
+from legoworld.scene.instances import group
+from legoworld.scene.labels import resolve_labels
+from legoworld.scene.read_scene import read_scene
+from legoworld.solids.meshes import solid_of
+from legoworld.solids.penetration import penetration_m
+from legoworld.solids.solid import Solid
 
 pytestmark = [pytest.mark.blender, pytest.mark.real_data]
 
@@ -199,3 +211,61 @@ def test_the_surface_agrees_with_a_cycles_depth_pass(made, tmp_path):
     error = np.abs(cycles[both] - ours[both]) / ours[both]
     # Silhouettes aside, where a ray's side is a matter of the last bit of its pixel's centre.
     assert np.quantile(error, 0.97) < 1e-3
+
+
+def tree(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): sha256_of_file(path)
+        for path in sorted(folder.rglob("*")) if path.is_file()
+    }  # fmt: skip
+
+
+def test_a_seed_draws_the_same_cases_again_and_more_of_them_when_asked(real_data, tmp_path):
+    arguments = ["--procedural", "7", "--assets", str(real_data / "kaykit"), *QUICK]
+    for name, count in (("first", "1"), ("second", "2")):
+        place = [str(tmp_path / f"scenes-{name}"), "-o", str(tmp_path / name), "--count", count]
+        # A picture is of the reference: with a cache of its own it is rendered twice.
+        cache = ["--cache", str(tmp_path / f"cache-{name}"), "--workers", "1"]
+        assert cli.run(["bench", "make", *place, *arguments, *cache]) == 0
+    first, second = tree(tmp_path / "first"), tree(tmp_path / "second")
+    arrays = [name for name in first if name.endswith((".png", ".npz"))]
+    assert len(arrays) == 6 * 4
+    assert {name: first[name] for name in arrays} == {name: second[name] for name in arrays}
+    truths = [
+        json.loads((tmp_path / name / "private" / "truth.json").read_text("utf-8"))["images"]
+        for name in ("first", "second")
+    ]
+    assert truths[0] == {number: truths[1][number] for number in "123456"}
+    assert len(truths[1]) == 12
+
+
+def test_what_a_seed_draws_stands_and_enters_nothing(real_data, tmp_path):
+    for number in range(8):
+        drawn = ("--seed", 8, "--number", number)
+        program("drawn.py", "--kaykit", real_data / "kaykit", "-o", tmp_path, *drawn)
+    scenes = sorted(map(str, tmp_path.glob("*/scene.blend")))
+    assert len(scenes) == 8
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("floating.py")), *scenes],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert not any(json.loads(done.stdout.splitlines()[-1]).values())
+    with BlenderProcess(make_limits(300, 8)) as blender:
+        for scene in sorted(tmp_path.iterdir()):
+            things = labelled_solids(tmp_path, scene.name, blender)
+            assert len(things) >= 8
+            for (one, a), (other, b) in combinations(sorted(things.items()), 2):
+                assert penetration_m(a.corners, b.corners) <= 0.02, (scene.name, one, other)
+
+
+def labelled_solids(scenes: Path, name: str, blender: BlenderProcess) -> dict[str, Solid]:
+    """Solids of a scene's labelled things, measured by the kernel's snapshot."""
+    folder = find_scene(scenes, name)
+    files = checked_artefacts(folder, require_frozen=False)
+    snapshot = read_scene(folder, source="blend", blender=blender, cache=None, files=files).snapshot
+    grouping = group(snapshot, resolve_labels(snapshot, (), None, None))
+    owner = np.asarray(grouping.surface_instance)
+    return {
+        one.name: solid_of(snapshot, np.flatnonzero(owner == one.id).tolist())
+        for one in grouping.instances if one.label_text
+    }  # fmt: skip

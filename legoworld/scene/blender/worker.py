@@ -198,6 +198,14 @@ def _import(request: Request) -> dict[str, Any]:
     return {}
 
 
+def _import_glb(request: Request) -> dict[str, Any]:
+    """A .glb as a .blend, written to the output."""
+    from legoworld.scene.blender.gltf_import import import_glb
+
+    import_glb(Path(request["glb"]), Path(request["output"]))
+    return {}
+
+
 def _version(_request: Request) -> dict[str, Any]:
     import bpy
 
@@ -216,6 +224,7 @@ _REQUESTS: dict[str, Callable[[Request], dict[str, Any]]] = {
     "case": _case,
     "usd": _usd,
     "import": _import,
+    "import_glb": _import_glb,
 }
 
 if __name__ == "__main__":

@@ -1,0 +1,23 @@
+"""What a later tier hides of an earlier one: tiers nest in the scene, not in a picture of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from legoworld.bench.family import MadeCase
+
+
+def hidden_things(cases: Sequence[MadeCase]) -> dict[str, tuple[str, ...]]:
+    """By file name of a case: what an earlier tier of its view scores and this one does not.
+
+    cases: of one family, its tiers from easy to hard. Cases that hide nothing are left out.
+    """
+    seen: dict[int, set[str]] = {}
+    hidden = {}
+    for case in cases:
+        now = {one.name for one in case.truth.scored}
+        earlier = seen.setdefault(case.view, set())
+        if earlier - now:
+            hidden[case.file_name] = tuple(sorted(earlier - now))
+        earlier |= now
+    return hidden
