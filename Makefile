@@ -58,6 +58,25 @@ test-harbor: $(HARBOR)/installed $(VENV)/tests-installed
 	LEGOWORLD_HARBOR_PYTHON=$(CURDIR)/$(HARBOR)/bin/python \
 	  $(PYTHON) -m pytest -m cluster tests/cluster/test_harbor_package.py $(PYTEST_ARGS)
 
+# The trainers' adapters in examples/environments against the real packages, each in an environment
+# of its own with a NumPy of its own. torch comes with the trainers: some gigabytes.
+ENVIRONMENTS := .venv-environments
+PACKAGES_OF_inspect := inspect-ai==0.3.285
+PACKAGES_OF_openenv := openenv==0.10.0 uvicorn
+PACKAGES_OF_trainers := trl==1.16.0 verl==0.9.1
+PACKAGES_OF_verifiers := verifiers==0.4.0 harbor==0.24.0
+.PHONY: test-environments
+$(ENVIRONMENTS)/%/installed: Makefile examples/environments/pyproject.toml
+	$(PYTHON_OF_HARBOR) -m venv $(ENVIRONMENTS)/$*
+	$(ENVIRONMENTS)/$*/bin/pip install -q $(PACKAGES_OF_$*)
+	$(ENVIRONMENTS)/$*/bin/pip install -q --no-deps -e examples/environments
+	@touch $@
+
+test-environments: $(VENV)/tests-installed \
+  $(foreach name,inspect openenv trainers verifiers,$(ENVIRONMENTS)/$(name)/installed)
+	LEGOWORLD_ENVIRONMENTS=$(CURDIR)/$(ENVIRONMENTS) \
+	  $(PYTHON) -m pytest -m cluster tests/cluster/test_environment_packages.py $(PYTEST_ARGS)
+
 check: $(VENV)/all-installed
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .

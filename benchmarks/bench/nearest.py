@@ -1,23 +1,28 @@
 """Times the nearest-neighbour search beside k-d trees, on one core, interleaved.
 
     OMP_NUM_THREADS=1 python benchmarks/bench/nearest.py [--rounds 5] [--check 300]
+        [--raster 421x237] [--nanoflann FOLDER]
 
-Two surfaces of 421 x 237 points, the scoring raster of a 16:9 picture; every point of each asks for
-the nearest of the other, wherever it is, and for what R's five tolerances need ("scipy within
-reach" is told the largest of them). A contender's time includes making its tree of both, ours the
+Two surfaces of 421 x 237 points, the scoring raster of a 16:9 picture, or of --raster; every point
+of each asks for the nearest of the other, wherever it is, and for what R's five tolerances need
+("scipy within reach" is told the largest of them). A contender's time includes making its tree of both, ours the
 index of both. Every round runs each contender once; CPU milliseconds are the median over rounds,
 ratios are taken within a round. The benchmark stops where a contender finds something nearer, where
 brute force in float64 disagrees, or where a tolerance's hits are not those of the nearest.
-pykdtree and open3d are optional; what is absent is named.
+pykdtree, open3d and nanoflann (FOLDER has nanoflann.hpp, /usr/include of Debian's libnanoflann-dev)
+are optional; the line of contenders names those that run.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import ctypes
 import importlib.util
 import statistics
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -56,12 +61,32 @@ def surfaces(raster: Raster) -> dict[str, Clouds]:
         "three times as far": room * 3,
         "a wall at 1 m": np.full_like(room, 1),
         "a wall at 20 m": np.full_like(room, 20),
+        "2 % noise": room * (1 + 0.02 * random.standard_normal(room.shape)),
         "5 % noise": room * (1 + 0.05 * random.standard_normal(room.shape)),
     }
     return {name: (room, np.float32(depth)) for name, depth in made.items()}
 
 
-def contenders() -> dict[str, Callable[[np.ndarray, np.ndarray], Clouds]]:
+def nanoflann(include: Path) -> Callable[[np.ndarray, np.ndarray], Clouds]:
+    """nanoflann's k-d tree, compiled for this machine."""
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder, "tree.so")
+        source = Path(__file__).with_name("nanoflann_tree.cpp")
+        flags = ["-O3", "-march=native", "-std=c++17", "-shared", "-fPIC", f"-I{include}"]
+        subprocess.run(["c++", *flags, str(source), "-o", str(library)], check=True)
+        ask = ctypes.CDLL(str(library)).nanoflann_nearest
+
+    def one_way(points: np.ndarray, queries: np.ndarray) -> np.ndarray:
+        squared = np.empty(len(queries))
+        places = [ctypes.c_void_p(array.ctypes.data) for array in (points, queries, squared)]
+        ask(places[0], ctypes.c_size_t(len(points)), places[1], ctypes.c_size_t(len(queries)),
+            places[2])  # fmt: skip
+        return np.sqrt(squared)
+
+    return lambda a, b: (one_way(b, a), one_way(a, b))
+
+
+def contenders(include: Path | None) -> dict[str, Callable[[np.ndarray, np.ndarray], Clouds]]:
     """Nearest distances of two (N, 3) float64 clouds both ways, by name."""
     from scipy.spatial import cKDTree
 
@@ -87,6 +112,8 @@ def contenders() -> dict[str, Callable[[np.ndarray, np.ndarray], Clouds]]:
             return KDTree(b).query(a)[0], KDTree(a).query(b)[0]
 
         found["pykdtree"] = of_pykdtree
+    if include is not None:
+        found["nanoflann"] = nanoflann(include)
     with contextlib.suppress(ImportError):
         import open3d
 
@@ -135,14 +162,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--check", type=int, default=300)
+    parser.add_argument("--raster", default="421x237")
+    parser.add_argument("--nanoflann", type=Path)
+    parser.add_argument("--only", default="", help="surfaces whose name has this")
     options = parser.parse_args()
-    raster = picture_raster((1920, 1080), 50.0, (421, 237))
+    width, height = map(int, options.raster.split("x"))
+    raster = picture_raster((16 * height, 9 * height), 50.0, (width, height))
     label = np.zeros((raster.height, raster.width), np.int32)
-    others = contenders()
+    others = contenders(options.nanoflann)
+    chosen = {n: pair for n, pair in surfaces(raster).items() if options.only in n}
     print(f"{raster.width} x {raster.height} points each, both ways, CPU ms; "
           f"contenders: {', '.join(others)}")  # fmt: skip
     beaten = 0
-    for name, (a, b) in surfaces(raster).items():
+    for name, (a, b) in chosen.items():
         check(raster, a, b, options.check)
         clouds = [points_m(depth, raster).reshape(-1, 3) for depth in (a, b)]
         times: dict[str, list[float]] = {"legoworld": [], "five tolerances": []}
@@ -176,7 +208,7 @@ def main() -> None:
         cells = "  ".join(f"{who} {ms:.0f}" for who, ms in shown.items())
         print(f"{name:20s} {cells}  best of the others / ours {ratio:.1f}, "
               f"five tolerances {statistics.median(near):.1f}")  # fmt: skip
-    print(f"at least 5 times the best of the others: {beaten} of {len(surfaces(raster))}")
+    print(f"at least 5 times the best of the others: {beaten} of {len(chosen)}")
 
 
 if __name__ == "__main__":

@@ -72,6 +72,8 @@ TIERS = (None, "medium", "hard")
 LEFT_OUT, PLACES, LAYOUTS = 0.2, 24, 40
 #: How far a thing may reach into another, metres; rugs are thinner than what stands across them.
 TOUCH_M, RUG_M = 0.005, 0.06
+#: How far a foot may be from what carries it.
+NEAR = Vector((0.0, 0.0, 0.015))
 #: Rays of a view in which a thing has to be seen at least so often, in one of the views.
 GRID, SEEN = (128, 72), 6
 
@@ -132,7 +134,7 @@ class DrawnStage(Stage):
             place = self._drawn_place(wanted, z, carrier, share)
             made = super().put(asset, *place[:2], z=z, turn=place[2], scale=scale,
                                category=category, tier=tier, reach=reach)  # fmt: skip
-            if (z is not None or self._stands(made, reach)) and self._is_free(made):
+            if (z is not None or self._stands(made)) and self._is_free(made):
                 return self._note(made, wanted, carrier)
             remove(made)
         if tier is None:
@@ -235,26 +237,32 @@ class DrawnStage(Stage):
             turn + self._draw.uniform(-most, most) * share,
         )
 
-    def _stands(self, made: Any, reach: float) -> bool:
-        """Whether the middle of its footprint lies between points that carry it."""
+    def _stands(self, made: Any) -> bool:
+        """Whether the middle of what it stands on lies between points that carry it."""
         low, high = extent(made)
-        middle, half = (low + high) / 2, (high - low) / 2 * max(reach, 0.5)
-        hidden = [made, *made.children_recursive]
-        for part in hidden:
+        lowest = low.z + 0.02 * (high.z - low.z) + 1e-4
+        parts = [part for part in (made, *made.children_recursive) if part.type == "MESH"]
+        foot = [
+            place
+            for part in parts
+            for place in (part.matrix_world @ vertex.co for vertex in part.data.vertices)
+            if place.z <= lowest
+        ]
+        foot = foot[:: max(1, len(foot) // 50)]
+        for part in parts:
             part.hide_set(True)
         bpy.context.view_layer.update()
-        graph, carries = bpy.context.evaluated_depsgraph_get(), []
-        for i in range(-2, 3):
-            for j in range(-2, 3):
-                start = (middle.x + half.x * i / 2, middle.y + half.y * j / 2, low.z + 0.05)
-                hit, place, *_ = self.scene.ray_cast(graph, start, (0, 0, -1))
-                if hit and place.z > low.z - 0.03:
-                    carries.append((i, j))
-        for part in hidden:
+        graph = bpy.context.evaluated_depsgraph_get()
+        carried = [
+            place for place in foot
+            if self.scene.ray_cast(graph, place + NEAR, -NEAR, distance=2 * NEAR.length)[0]
+        ]  # fmt: skip
+        for part in parts:
             part.hide_set(False)
         bpy.context.view_layer.update()
-        return bool(carries) and all(
-            min(c[k] for c in carries) <= 0 <= max(c[k] for c in carries) for k in (0, 1)
+        middle = [(min(p[k] for p in foot) + max(p[k] for p in foot)) / 2 for k in (0, 1)]
+        return bool(carried) and all(
+            min(p[k] for p in carried) <= middle[k] <= max(p[k] for p in carried) for k in (0, 1)
         )
 
     def _is_free(self, made: Any) -> bool:

@@ -25,8 +25,13 @@ _ARTIFACTS: Final = (_WORKSPACE, f"{_WORKSPACE}.trajectory")
 
 @dataclass(frozen=True, kw_only=True)
 class HarborOptions:
-    """Machine settings of every task. Both images have legoworld and bpy."""
+    """Machine settings of every task. Both images have legoworld and bpy.
 
+    prebuilt: an image that agent and verifier run as it is, in place of two that are built; it is
+    one that can be pulled, and `legoworld agent install` ran in it.
+    """
+
+    prebuilt: str | None = None
     agent_image: str = "legoworld:latest"
     verifier_image: str = "legoworld:latest"
     agent_timeout_s: float = 3600
@@ -65,12 +70,13 @@ def _write_task(task: Path, case: BenchCase, dataset: BenchDataset, options: Har
     categories = [c.name for c in _track(dataset).categories]
     write_text(task / "instruction.md", instruction(case.image, categories))
     write_text(task / "task.toml", _task_toml(case.image, options))
-    write_text(task / "environment" / "Dockerfile", _agent_dockerfile(options))
+    if options.prebuilt is None:
+        write_text(task / "environment" / "Dockerfile", _agent_dockerfile(options))
+        write_text(task / "tests" / "Dockerfile", _verifier_dockerfile(options))
     _copy(dataset.folders.reference(case), task / "environment" / "image.png")
     test = task / "tests" / "test.sh"
     write_text(test, _TEST.format(workspace=_WORKSPACE, stem=case.stem))
     test.chmod(0o755)
-    write_text(task / "tests" / "Dockerfile", _verifier_dockerfile(options))
     _write_case(task / "tests" / "bench", case, dataset)
 
 
@@ -123,6 +129,12 @@ def _task_toml(image: BenchImage, options: HarborOptions) -> str:
     tags = [image.family, image.tier, image.environment, image.theme, image.split]
     named = ", ".join(f'"{tag}"' for tag in tags if tag)
     artifacts = ", ".join(f'"{place}"' for place in _ARTIFACTS)
+    machine = f"cpus = {options.cpus}\nmemory_mb = {options.memory_mb}\n"
+    # Without a Dockerfile environment/ goes into workdir, and the verifier gets tests/ in a fresh
+    # container of the same image.
+    runs, verifier = "", f"\n[verifier.environment]\n{machine}"
+    if options.prebuilt is not None:
+        runs, verifier = f'docker_image = "{options.prebuilt}"\nworkdir = "{_WORKSPACE}"\n', ""
     return f"""schema_version = "{_SCHEMA}"
 artifacts = [{artifacts}]
 
@@ -139,9 +151,7 @@ legoworld = "{__version__}"
 timeout_sec = {options.agent_timeout_s:.1f}
 
 [environment]
-cpus = {options.cpus}
-memory_mb = {options.memory_mb}
-
+{runs}{machine}
 [[environment.mcp_servers]]
 name = "blender"
 transport = "stdio"
@@ -151,11 +161,7 @@ args = ["blender", "mcp", "--workspace", "{_WORKSPACE}"]
 [verifier]
 timeout_sec = {options.verifier_timeout_s:.1f}
 environment_mode = "separate"
-
-[verifier.environment]
-cpus = {options.cpus}
-memory_mb = {options.memory_mb}
-"""
+{verifier}"""
 
 
 def _agent_dockerfile(options: HarborOptions) -> str:

@@ -28,6 +28,11 @@ _TIMEOUT: Final = click.FloatRange(min=1)
     "Container image with legoworld and bpy; the repository's Dockerfile builds one.",
     default="legoworld:latest",
 )
+@option(
+    "--prebuilt",
+    "Run agent and verifier in this image as it is, and write no Dockerfile: for verifiers, which "
+    "builds none.",
+)
 @option("--agent-timeout agent_timeout_s", "Seconds the agent has.", _TIMEOUT, default=3600)
 @option("--verifier-timeout verifier_timeout_s", "Seconds the verifier has.", _TIMEOUT, default=900)
 @option("--cpus", "CPU cores of agent and verifier.", COUNT, default=2)
@@ -42,6 +47,7 @@ def export_command(dataset: Path, harbor: bool, output: Path, **settings: Any) -
     Examples:
       legoworld bench export --harbor bench -o tasks
       legoworld bench export --harbor bench -o tasks --agent-image my/blender:5.0
+      legoworld bench export --harbor bench -o tasks --prebuilt registry.example/legoworld:1.0.0
     """
     from legoworld.api.bench import bench_export
 

@@ -46,6 +46,22 @@ def test_a_task_is_what_harbor_reads(exported):
     assert os.access(task / "tests" / "test.sh", os.X_OK)
 
 
+def test_a_prebuilt_image_is_named_and_nothing_is_built(exported, tmp_path):
+    export = ["bench", "export", "--harbor", str(exported / "bench"), "-o", str(tmp_path)]
+    assert cli.run([*export, "--prebuilt", "registry.example/legoworld:1.0.0"]) == 0
+    task = tmp_path / "den__hard__view_00"
+    assert [path.name for path in (task / "environment").iterdir()] == ["image.png"]
+    assert not (task / "tests" / "Dockerfile").exists()
+    document = tomllib.loads((task / "task.toml").read_text("utf-8"))
+    built = exported / "tasks" / "den__hard__view_00" / "task.toml"
+    expected = tomllib.loads(built.read_text("utf-8"))
+    # The verifier's container is the agent's image afresh: Harbor's rule without a section.
+    del expected["verifier"]["environment"]
+    place = {"docker_image": "registry.example/legoworld:1.0.0", "workdir": "/workspace"}
+    expected["environment"] |= place
+    assert document == expected
+
+
 def test_the_agent_s_part_holds_nothing_private(exported):
     for task in (exported / "tasks").iterdir():
         private = {sha256_of_file(p) for p in (task / "tests" / "bench" / "private").rglob("*.*")}

@@ -1,0 +1,1 @@
+"""LEGO-Bench for trainers and evaluators. Needs nothing but Python and a legoworld elsewhere."""
