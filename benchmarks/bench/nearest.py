@@ -5,10 +5,10 @@
 
 Two surfaces of 421 x 237 points, the scoring raster of a 16:9 picture, or of --raster; every point
 of each asks for the nearest of the other, wherever it is, and for what R's five tolerances need
-("scipy within reach" is told the largest of them). A contender's time includes making its tree of both, ours the
-index of both. Every round runs each contender once; CPU milliseconds are the median over rounds,
-ratios are taken within a round. The benchmark stops where a contender finds something nearer, where
-brute force in float64 disagrees, or where a tolerance's hits are not those of the nearest.
+("scipy within reach" is told the largest of them). A contender's time includes making its tree of
+both, ours the index of both. Every round runs each contender once; CPU milliseconds are the median
+over rounds, ratios are taken within a round. The benchmark stops where a contender finds something
+nearer, where brute force in float64 disagrees, or where a tolerance's hits are not the nearest's.
 pykdtree, open3d and nanoflann (FOLDER has nanoflann.hpp, /usr/include of Debian's libnanoflann-dev)
 are optional; the line of contenders names those that run.
 """

@@ -1,7 +1,7 @@
 """The trainers' adapters against the packages they are for, each in an environment of its own.
 
 `make test-environments` makes them and names their folder by LEGOWORLD_ENVIRONMENTS. None of these
-packages is in legoworld's environment, and legoworld is in none of theirs: it is asked as a program.
+packages is in legoworld's environment, and legoworld in none of theirs: it is asked as a program.
 """
 
 from __future__ import annotations
@@ -77,7 +77,8 @@ def test_inspect_evaluates_the_task_by_its_entry_point(made, tmp_path):
     assert room["id"] == "den__easy__view_00"
     assert room["V"] == 1
     assert 0 <= room["R"] == room["S"] < 0.7
-    assert (none["V"], none["why"][:8]) == (0, "stopped:") or none["R"] == 0
+    assert "SyntaxError" in none["why"]  # what has no block of code is a program as it is
+    assert none["R"] < 0.3
     assert found["metrics"]["S"]["mean"] == pytest.approx((room["S"] + none["S"]) / 2)
     assert set(found["metrics"]) == {"S", "V", "R", "A"}
 
@@ -88,7 +89,9 @@ def test_openenv_validates_the_package_and_plays_episodes(made):
     found = asked("openenv", made, PACKAGE / "openenv", made / "room.py", oracle, **root)
     assert found["static"] == 0
     done = {name: one for name, one in found["checks"].items() if one[0] != "skip"}
-    assert {name: one[0] for name, one in done.items()} == dict.fromkeys(("static.manifest", "runtime.startup", "runtime.state_contract", "runtime.reward_well_formed", "runtime.observation_schema"), "pass"), done  # fmt: skip
+    runtime = ("startup", "state_contract", "reward_well_formed", "observation_schema")
+    assert set(done) == {"static.manifest", *(f"runtime.{name}" for name in runtime)}
+    assert {one[0] for one in done.values()} == {"pass"}, done
     assert all(found["running"].values()), found["running"]
     begun, floor, best = found["many_turns"]
     assert (begun["image_id"], begun["turns_left"]) == (1, 2)
