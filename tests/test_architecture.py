@@ -136,7 +136,6 @@ def test_the_blender_corner_is_only_named_across_the_process_border(path):
 
 #: Rooms of one line or of values alone, and the tests that hold them.
 TESTED_WITH = {
-    "errors": "test_cli.py",
     "exit_codes": "test_cli.py",
     "__main__": "test_cli.py",
     "conventions": "running/test_run_contents.py",

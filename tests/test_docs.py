@@ -149,15 +149,15 @@ PLAIN = set(
     re.findall(
         r"\w+",
         """
-        agent agents allow any array assets batch below blender body box by cache call camera category
-        changed check compare count cpus demo denoise depth device doctor dtype env execute export
-        fail fast file files folder folders for format fov harbor host http id ids image images
-        import index inspect install join json keep kind limit list load make max mb memory merge
-        model name network no object of offline option options or output overwrite pass per photo
-        photos picture port prices programs project python queue quiet render repeat replay require
-        results root run sample samples scene scenes score seed serve show side size step suffix
-        table time timeout token torch truth undo unpacked verbose verifier verify weights with
-        without write
+        agent agents allow any array assets batch below blender body box by cache call camera
+        category changed check compare count cpus demo denoise depth device doctor dtype env execute
+        export fail fast file files folder folders for format fov harbor host http id ids image
+        images import index inspect install join json keep kind limit list load make max mb memory
+        merge model name network no object of offline option options or output overwrite pass per
+        photo photos picture port prebuilt prices programs project python queue quiet render repeat
+        replay require results root run sample samples scene scenes score seed serve show side size
+        step suffix table time timeout token torch truth undo unpacked verbose verifier verify
+        weights with without write
         """,
     )
 )
