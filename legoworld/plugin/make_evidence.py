@@ -60,13 +60,14 @@ class RunLength(Record, frozen=True, kw_only=True):
 
 
 class Detection(Record, frozen=True, kw_only=True):
-    """One entry of a COCO or LVIS results file."""
+    """One entry of a COCO or LVIS results file. visible_mask: what is seen of an amodal mask."""
 
     image_id: int
     category_id: int
     score: float
     bbox: tuple[float, float, float, float] | UnsetType = UNSET
     segmentation: RunLength | list[list[float]] | UnsetType = UNSET
+    visible_mask: RunLength | UnsetType = UNSET
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,12 +217,15 @@ def _regions_from_outlines(
                 " points",
                 expected="polygons of at least three points",
             )
-        yield _region(outline.name, flat, size_wh, outline.category, None, source)
+        mask = _encode(outline.name, flat, size_wh, source)
+        yield _region(outline.name, mask, size_wh, outline.category, None, source)
 
 
 def _regions_from_results(
     entries: list[Detection], source: str, given: UserEvidence, size_wh: tuple[int, int]
 ) -> Iterator[Region]:
+    from pycocotools import mask as rle
+
     images = {entry.image_id for entry in entries}
     image_id = given.image_id
     if image_id is None and len(images) == 1:
@@ -241,12 +245,13 @@ def _regions_from_results(
     numbered: Counter[str] = Counter()
     for entry in sorted(kept, key=lambda entry: -entry.score):
         category = names.get(entry.category_id, f"category {entry.category_id}")
+        name = f"{category} {numbered[category] + 1}"
+        shape = entry.visible_mask or entry.segmentation or _of_box(entry, source)
+        mask = _encode(name, shape, size_wh, source)
+        if entry.visible_mask and not rle.area(mask):
+            continue  # hidden
         numbered[category] += 1
-        shape: Any = entry.segmentation
-        if isinstance(shape, UnsetType):
-            shape = _of_box(entry, source)
-        name = f"{category} {numbered[category]}"
-        yield _region(name, shape, size_wh, category, entry.score, source)
+        yield _region(name, mask, size_wh, category, entry.score, source)
 
 
 def _of_box(entry: Detection, source: str) -> list[list[float]]:
@@ -260,14 +265,10 @@ def _of_box(entry: Detection, source: str) -> list[list[float]]:
     return [[x, y, x + w, y, x + w, y + h, x, y + h]]
 
 
-def _region(
-    name: str,
-    shape: RunLength | list[list[float]],
-    size_wh: tuple[int, int],
-    category: str | None,
-    score: float | None,
-    source: str,
-) -> Region:
+def _encode(
+    name: str, shape: RunLength | list[list[float]], size_wh: tuple[int, int], source: str
+) -> Any:
+    """A shape as pycocotools' run lengths."""
     from pycocotools import mask as rle
 
     width, height = size_wh
@@ -279,16 +280,28 @@ def _region(
                 expected=f"{width}x{height}",
             )
         check_run_lengths(name, shape.counts, width * height, source)
-        encoded: Any = {"size": [height, width], "counts": shape.counts.encode("ascii")}
-    else:
-        if not are_near(value for polygon in shape for value in polygon):
-            raise EvidenceInvalidError(
-                f"region {name!r} of {source} lies too far from the photo",
-                found=f"a coordinate of {max(map(abs, chain(*shape))):g} pixels",
-                expected=f"less than {MOST_COORDINATE_PX:,.0f}",
-            )
-        polygons: Any = shape
-        encoded = rle.merge(rle.frPyObjects(polygons, height, width))
+        return {"size": [height, width], "counts": shape.counts.encode("ascii")}
+    if not are_near(value for polygon in shape for value in polygon):
+        raise EvidenceInvalidError(
+            f"region {name!r} of {source} lies too far from the photo",
+            found=f"a coordinate of {max(map(abs, chain(*shape))):g} pixels",
+            expected=f"less than {MOST_COORDINATE_PX:,.0f}",
+        )
+    polygons: Any = shape
+    return rle.merge(rle.frPyObjects(polygons, height, width))
+
+
+def _region(
+    name: str,
+    encoded: Any,
+    size_wh: tuple[int, int],
+    category: str | None,
+    score: float | None,
+    source: str,
+) -> Region:
+    from pycocotools import mask as rle
+
+    width, height = size_wh
     area = int(rle.area(encoded))
     if not area:
         raise EvidenceInvalidError(

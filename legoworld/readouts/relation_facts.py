@@ -24,6 +24,7 @@ from legoworld.scene.instances import Instance
 from legoworld.scene.snapshot import Snapshot
 from legoworld.solids.hulls import HULL_SLACK_M, facing_angles_deg, share_inside
 from legoworld.solids.meshes import solid_of
+from legoworld.solids.penetration import penetration_m
 from legoworld.solids.solid import Solid
 from legoworld.solids.support import rest_on
 from legoworld.visibility.layers import HiddenPixels, amodal_areas, amodal_layers, occluders
@@ -35,6 +36,10 @@ Floats = NDArray[np.float64]
 MOST_OBJECTS: Final = 100
 #: Surfaces that are farther apart than this do not rest on each other.
 TOUCH_M: Final = 0.01
+#: The share of a thing in another's convex hull from which it may be inside of it.
+INSIDE: Final = 0.95
+#: Points of a thing of which it is asked whether another's volume holds them.
+_MOST_POINTS: Final = 64
 _DIGITS: Final = 6
 
 
@@ -156,7 +161,7 @@ def _pairs(
     near = (diagonal[:, None] + diagonal[None]) / 2
     under, hidden = _under(things), _hidden(things, areas, hiding)
     angle = _angles(things)
-    surface, rest, inside = _contacts(things, apart, near)
+    met = _contacts(things, apart, near)
 
     def known(values: Floats) -> tuple[float, ...]:
         return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
@@ -175,11 +180,14 @@ def _pairs(
         centre_m=known(_norm(middle[a] - middle[b])),
         apart_m=known(apart[a, b]),
         near_m=known(near[a, b]),
-        surface_m=holed(surface[a, b]),
-        gap_ab_m=holed(rest[a, b]),
-        gap_ba_m=holed(rest[b, a]),
-        inside_ab=holed(inside[a, b]),
-        inside_ba=holed(inside[b, a]),
+        surface_m=holed(met.surface[a, b]),
+        depth_m=holed(met.depth[a, b]),
+        gap_ab_m=holed(met.rest[a, b]),
+        gap_ba_m=holed(met.rest[b, a]),
+        inside_ab=holed(met.inside[a, b]),
+        inside_ba=holed(met.inside[b, a]),
+        within_ab=holed(met.within[a, b]),
+        within_ba=holed(met.within[b, a]),
         under_ab_m=known(under[a, b]),
         under_ba_m=known(under[b, a]),
         angle_ab_deg=holed(angle[a, b]),
@@ -189,18 +197,40 @@ def _pairs(
     )
 
 
-def _contacts(things: _Things, apart: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
-    """(n, n) surface distances, gaps of a at rest on b, shares of a in b; NaN where unknown."""
+@dataclass(frozen=True, kw_only=True)
+class _Contacts:
+    """(n, n) arrays, NaN where unknown: surface and depth above the diagonal; of a on and in b."""
+
+    surface: Floats
+    depth: Floats
+    rest: Floats
+    inside: Floats
+    within: Floats
+
+
+def _contacts(things: _Things, apart: Floats, near: Floats) -> _Contacts:
     n = len(things.solids)
-    surface, rest, inside = np.full((n, n), np.nan), np.full((n, n), np.nan), np.zeros((n, n))
+    surface, depth, rest, inside, within = np.full((5, n, n), np.nan)
+    inside[:] = 0
+    overlap = np.minimum(things.high[:, None], things.high[None]) - np.maximum(
+        things.low[:, None], things.low[None]
+    )
+    flush = overlap.min(axis=2) < 10.0**-_DIGITS / 2
     for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
         one, two = things.solids[a], things.solids[b]
         surface[a, b] = one.distance_m(two)
         if surface[a, b] <= TOUCH_M:
             rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
+        if surface[a, b] == 0:
+            depth[a, b] = 0.0 if flush[a, b] else penetration_m(one.corners, two.corners)
         if apart[a, b] == 0:
-            inside[a, b], inside[b, a] = _inside(one, two), _inside(two, one)
-    return surface, rest, inside
+            for i, j in ((a, b), (b, a)):
+                inner, outer = things.solids[i], things.solids[j]
+                inside[i, j] = _inside(inner, outer)
+                if inside[i, j] >= INSIDE and outer.closed:
+                    few = inner.points[:: len(inner.points) // _MOST_POINTS + 1]
+                    within[i, j] = outer.share_within(few)
+    return _Contacts(surface=surface, depth=depth, rest=rest, inside=inside, within=within)
 
 
 def _directions(view: View, things: _Things) -> tuple[Floats, Floats, Floats]:

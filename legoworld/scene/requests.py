@@ -60,7 +60,7 @@ class Request(TypedDict, total=False):
     blend: str
     output: str
     usd: str
-    metres_per_unit: float
+    layer: str
     passing: bool
     any_camera: bool
     corner_normals: bool

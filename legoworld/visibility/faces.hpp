@@ -52,17 +52,19 @@ struct Turns {  // of the normals so far
   }
 };
 
+struct Normal {
+  float again[kBlock + 2];  // x, y, z, x, y, ...: a vector load finds each place of a row of normals
+};
+
 struct Facing {  // unit normals of kLanes triangles, turned towards the camera at a box's first pixel
   Vf x, y, z;
   Vd across, rest;  // normal . ray before it was turned, at a column: across * ray_x + rest, in the box's first row
   unsigned turned;  // bit by bit those that were
   unsigned mixed;   // those that other pixels of the box may see from their other side
 
-  void normal(int lane, float out[4]) const {
-    out[0] = x[lane];
-    out[1] = y[lane];
-    out[2] = z[lane];
-    out[3] = 0;
+  Normal normal(int lane) const {
+    const float a = x[lane], b = y[lane], c = z[lane];
+    return {{a, b, c, a, b, c, a, b, c, a}};
   }
 };
 
@@ -110,7 +112,7 @@ static inline Facing facing_of(const Frame& frame, const Tile& tile, const Sever
 
 struct Origin {    // a triangle that samples of the tile are of
   int64_t source;  // see source_of
-  float normal[4]; // the first three; where `turned` says so
+  Normal normal;   // where `turned` says so
   int32_t turned;  // 1 where the tile sees its back, 0 its front; -1: `normal` is unknown, or differs
 };
 
@@ -150,7 +152,7 @@ struct Origins {
     if (!normals) return count - used;
     const Facing facing = facing_of(frame, tile, of, boxes, used, turns);
     for (int lane = 0; lane < used; ++lane) {
-      facing.normal(lane, to[lane].normal);
+      to[lane].normal = facing.normal(lane);
       if ((facing.mixed >> lane & 1) == 0) to[lane].turned = facing.turned >> lane & 1;
     }
     return count - used;

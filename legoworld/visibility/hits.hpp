@@ -47,10 +47,15 @@ static void write_weights(const Frame& frame, const Tile& tile, const Several& o
   }
 }
 
-// A vector to each pixel of a run: four floats at a time, the last of which the next pixel has.
-static inline void fill_run(const float v[4], const Candidate& run, float* out) {
-  for (int32_t c = run.x0; c < run.x1; ++c) std::memcpy(out + 3 * c, v, 4 * sizeof *v);
-  std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
+// A vector to each pixel of a run, kBlock at a time: beyond the run what is within `room`, the rest of its row,
+// is still to be written.
+static inline void fill_run(const Normal& v, int32_t first, int32_t end, int32_t room, float* out) {
+  const Row part[3] = {load<Row>(v.again), load<Row>(v.again + 2), load<Row>(v.again + 1)};
+  int32_t c = first;
+  for (; c < end && c + kBlock <= room; c += kBlock) {
+    for (int k = 0; k < 3; ++k) store(out + 3 * c + k * kBlock, part[k]);
+  }
+  for (; c < end; ++c) std::memcpy(out + 3 * c, v.again, 3 * sizeof(float));
 }
 
 // The normals of runs, turned towards the camera by each pixel's own ray.
@@ -59,21 +64,18 @@ static void write_normals(const Frame& frame, const Tile& tile, const Several& o
   const Facing facing = facing_of(frame, tile, of, runs, used, turns);
   const double* ray_x = frame.ray_x.data() + tile.left;
   for (int lane = 0; lane < used; ++lane) {
-    Candidate run = runs[lane];
+    const Candidate& run = runs[lane];
     float* out = normal + 3 * row_of(frame, tile, run.y0);
-    float v[4];
-    facing.normal(lane, v);
+    const Normal v = facing.normal(lane);
     const bool is_turned = (facing.turned >> lane & 1) != 0;
     if ((facing.mixed >> lane & 1) == 0) {
-      fill_run(v, run, out);
+      fill_run(v, run.x0, run.x1 + 1, run.x1 + 1, out);
       turns.flipped += is_turned ? run.x1 - run.x0 + 1 : 0;
       continue;
     }
-    const float opposite[4] = {0.0f - v[0], 0.0f - v[1], 0.0f - v[2], 0.0f};
-    for (int32_t c = run.x0, end = run.x1; c <= end; ++c) {
+    for (int32_t c = run.x0; c <= run.x1; ++c) {
       const bool here = facing.across[lane] * ray_x[c] + facing.rest[lane] > 0;
-      run.x0 = run.x1 = static_cast<uint8_t>(c);
-      fill_run(here == is_turned ? v : opposite, run, out);
+      for (int k = 0; k < 3; ++k) out[3 * c + k] = here == is_turned ? v.again[k] : 0.0f - v.again[k];
       turns.flipped += here;
     }
   }
@@ -171,6 +173,9 @@ static void write_hits(const Frame& frame, const Tile& tile, Origins& origins, c
     const int64_t at = row_of(frame, tile, r);
     ShownRow shown;
     finish_origins(tile, origins, r, shown);
+    if (hits.normal != nullptr && r + kAhead < tile.rows) {
+      expect_row(3 * tile.columns, hits.normal + 3 * (at + int64_t{kAhead} * frame.width));
+    }
     for (uint64_t begins = shown.begins; begins != 0;) {
       const int32_t first = __builtin_ctzll(begins);
       begins &= begins - 1;
@@ -188,7 +193,7 @@ static void write_hits(const Frame& frame, const Tile& tile, Origins& origins, c
         hits.triangle[at + c] = static_cast<int32_t>(triangle);
       }
       if (origin.turned >= 0) {
-        fill_run(origin.normal, run, hits.normal + 3 * at);
+        fill_run(origin.normal, first, end, tile.columns, hits.normal + 3 * at);
         origins.turns.flipped += origin.turned * (end - first);
         continue;
       }
