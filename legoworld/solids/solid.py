@@ -34,7 +34,7 @@ class Solid:
     @cached_property
     def model(self) -> Any:
         """Its triangles as FCL has them."""
-        return collision_model(self.corners)
+        return collision_model(self.points, self.triangles)
 
     @cached_property
     def closed(self) -> bool:
