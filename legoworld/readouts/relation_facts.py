@@ -101,19 +101,22 @@ def _things(view: View, instances: Sequence[Instance]) -> _Things:
     order = np.argsort(view.surfaces.placement_id, kind="stable")
     ids = view.surfaces.placement_id[order]
     solids, fronts = [], []
-    boxes = np.zeros((4, len(instances), 3))
-    for n, instance in enumerate(instances):
+    for instance in instances:
         surfaces = order[slice(*np.searchsorted(ids, [instance.id, instance.id + 1]))].tolist()
-        solid = solid_of(shot, surfaces)
-        seen = transform_points(cam_from_world, solid.points)
-        solids.append(solid)
+        solids.append(solid_of(shot, surfaces))
         fronts.append(_front(shot, surfaces, instance.name))
-        boxes[:, n] = (seen.min(0), seen.max(0), solid.points.min(0), solid.points.max(0))
-    cam_low, cam_high, low, high = boxes
+    points = np.concatenate([np.empty((0, 3)), *(solid.points for solid in solids)])
+    starts = np.cumsum([0, *(len(solid.points) for solid in solids)])[:-1]
+    seen = transform_points(cam_from_world, points)
     return _Things(
-        instances=instances, solids=solids, fronts=np.array(fronts).reshape(-1, 3),
-        cam_low=cam_low, cam_high=cam_high, low=low, high=high,
-    )  # fmt: skip
+        instances=instances,
+        solids=solids,
+        fronts=np.array(fronts).reshape(-1, 3),
+        cam_low=np.minimum.reduceat(seen, starts),
+        cam_high=np.maximum.reduceat(seen, starts),
+        low=np.minimum.reduceat(points, starts),
+        high=np.maximum.reduceat(points, starts),
+    )
 
 
 def _front(shot: Snapshot, surfaces: Sequence[int], name: str) -> Floats:
@@ -167,9 +170,13 @@ def _pairs(
         return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
 
     def holed(values: Floats) -> tuple[float | None, ...]:
-        if np.isnan(values).all():
-            return (None,) * len(values)
-        return tuple([None if v != v else v for v in known(values)])
+        there = np.flatnonzero(~np.isnan(values))
+        if len(there) == len(values):
+            return known(values)
+        column: list[float | None] = [None] * len(values)
+        for k, value in zip(there.tolist(), known(values[there]), strict=True):
+            column[k] = value
+        return tuple(column)
 
     return FactPairs(
         a=tuple(ids[a].tolist()),
@@ -218,10 +225,10 @@ def _contacts(things: _Things, apart: Floats, near: Floats) -> _Contacts:
     flush = overlap.min(axis=2) < 10.0**-_DIGITS / 2
     for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
         one, two = things.solids[a], things.solids[b]
-        surface[a, b] = one.distance_m(two)
-        if surface[a, b] <= TOUCH_M:
+        surface[a, b] = gap = one.distance_m(two)
+        if gap <= TOUCH_M:
             rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
-        if surface[a, b] == 0:
+        if gap == 0:
             depth[a, b] = 0.0 if flush[a, b] else penetration_m(one.corners, two.corners)
         if apart[a, b] == 0:
             for i, j in ((a, b), (b, a)):

@@ -19,7 +19,18 @@ from legoworld.tables.table import Column, Number, Table
 
 #: What is told of a scene: of a relation and its inverse, one.
 TOLD: Final = frozenset(
-    {"left_of", "above", "in_front_of", "on", "inside", "touching", "colliding", "near", "facing", "hides"}
+    {
+        "left_of",
+        "above",
+        "in_front_of",
+        "on",
+        "inside",
+        "touching",
+        "colliding",
+        "near",
+        "facing",
+        "hides",
+    }
 )
 
 

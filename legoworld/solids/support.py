@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +114,8 @@ def _heights(
     """
     low = np.full((len(x), len(y)), np.inf)
     high = np.full((len(x), len(y)), -np.inf)
-    triangles = triangles[_area(triangles) != 0]
+    u, v = (triangles[:, k, :2] - triangles[:, 0, :2] for k in (1, 2))
+    triangles = triangles[u[:, 0] * v[:, 1] != u[:, 1] * v[:, 0]]
     corners, others = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
     x0, x1 = np.searchsorted(x, corners[:, 0]), np.searchsorted(x, others[:, 0], "right")
     y0, y1 = np.searchsorted(y, corners[:, 1]), np.searchsorted(y, others[:, 1], "right")
@@ -121,7 +123,7 @@ def _heights(
     large = counts >= _MANY_LINES
     for n in np.flatnonzero(large).tolist():
         part = slice(x0[n], x1[n]), slice(y0[n], y1[n])
-        z, hit = _height_at(triangles[n], x[part[0], None], y[None, part[1]])
+        z, hit = _height_at(triangles[n].tolist(), x[part[0], None], y[None, part[1]])
         if most is None:
             np.minimum(low[part], np.where(hit, z, np.inf), out=low[part])
         else:
@@ -135,7 +137,7 @@ def _heights(
         nth = np.arange(len(owner)) - np.repeat(first, counts[chunk])
         wide = (y1 - y0)[owner]
         i, j = x0[owner] + nth // wide, y0[owner] + nth % wide
-        z, hit = _height_at(triangles[owner], x[i], y[j])
+        z, hit = _height_at(np.moveaxis(triangles[owner], 0, -1), x[i], y[j])
         if most is not None:
             hit &= z <= most[i, j]
         line, z = (i * len(y) + j)[hit], z[hit]
@@ -145,21 +147,19 @@ def _heights(
     return low, high
 
 
-def _height_at(triangles: Triangles, x: Points, y: Points) -> tuple[Points, NDArray[np.bool_]]:
-    """z of planes of triangles, (..., 3, 3), on vertical lines, and where the triangle is hit."""
-    a, b, c = triangles[..., 0, :], triangles[..., 1, :], triangles[..., 2, :]
-    w0, w1 = x - a[..., 0], y - a[..., 1]
-    area = _area(triangles)
-    s = (w0 * (c - a)[..., 1] - w1 * (c - a)[..., 0]) / area
-    t = ((b - a)[..., 0] * w1 - (b - a)[..., 1] * w0) / area
+def _height_at(corners: Sequence[Any], x: Points, y: Points) -> tuple[Points, NDArray[np.bool_]]:
+    """z of planes of triangles on vertical lines, and where the triangle is hit.
+
+    corners: x, y and z of each of three, numbers or arrays.
+    """
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
+    w0, w1 = x - ax, y - ay
+    u0, u1, v0, v1 = bx - ax, by - ay, cx - ax, cy - ay
+    area = u0 * v1 - u1 * v0
+    s = (w0 * v1 - w1 * v0) / area
+    t = (u0 * w1 - u1 * w0) / area
     hit = (s >= 0) & (t >= 0) & (s + t <= 1)
-    return a[..., 2] + s * (b - a)[..., 2] + t * (c - a)[..., 2], hit
-
-
-def _area(triangles: Triangles) -> Points:
-    """Twice the signed area of triangles, (..., 3, 3), on the ground."""
-    u, v = (triangles[..., k, :] - triangles[..., 0, :] for k in (1, 2))
-    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+    return az + s * (bz - az) + t * (cz - az), hit
 
 
 def _above(point: Points, contact: Points, half: Points) -> bool:

@@ -154,7 +154,9 @@ def test_the_angle_of_a_front(front, way, expected):
 
 
 def solid(triangles):
-    return Solid(points=triangles.reshape(-1, 3), triangles=np.arange(3 * len(triangles)).reshape(-1, 3))
+    return Solid(
+        points=triangles.reshape(-1, 3), triangles=np.arange(3 * len(triangles)).reshape(-1, 3)
+    )
 
 
 def test_a_closed_solid_encloses_what_the_planes_of_a_box_do():
