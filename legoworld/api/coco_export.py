@@ -210,7 +210,8 @@ def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
         vocabulary = load(catalog.folder("datasets") / find_dataset(run.task) / "categories.json")
     if vocabulary.sha256 == expected:
         return vocabulary
-    exported = _exported_categories(run) if track is None else None
+    own = track is None and find_family(run.task) == DETECTION
+    exported = _exported_categories(run) if own else None
     if exported is None:
         raise UsageError(
             "the names of the run's categories are unknown",
