@@ -55,6 +55,12 @@ def _write(row: RunRow, image: AnsweredImage) -> RunRow:
     return replace(row, answer=file, warnings=warnings)
 
 
+def _cost(_reads: str, image: AnsweredImage) -> str:
+    shown = sum(i.category is not None and bool(image.view.area_px[i.id]) for i in image.instances)
+    kept = min(shown, MOST_OBJECTS)
+    return f"relations of {kept} of {shown:,} visible objects: {kept * (kept - 1) // 2:,} pairs"
+
+
 def _table(_reads: str, image: AnsweredImage) -> Table:
     base = FactBase(relation_facts(image.view, image.instances, threads=image.threads))
     told = [row for row in base.rows() if row["asked"] and row["holds"]]
@@ -78,5 +84,6 @@ def _thing(base: FactBase, thing: int) -> str:
 READOUT: Final = ReadoutFamily(
     write=_write,
     table=_table,
+    cost=_cost,
     sum_up=lambda summary, _rows, _ok: summary,
 )
