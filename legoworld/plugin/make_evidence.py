@@ -52,6 +52,10 @@ LEAST_SCORE: Final = 0.3
 CAMERA: Final = "camera.json"
 
 
+class _NoPixelError(EvidenceInvalidError):
+    """A region has no pixel."""
+
+
 class RunLength(Record, frozen=True, kw_only=True):
     """COCO's compressed RLE."""
 
@@ -217,15 +221,12 @@ def _regions_from_outlines(
                 " points",
                 expected="polygons of at least three points",
             )
-        mask = _encode(outline.name, flat, size_wh, source)
-        yield _region(outline.name, mask, size_wh, outline.category, None, source)
+        yield _region(outline.name, flat, size_wh, outline.category, None, source)
 
 
 def _regions_from_results(
     entries: list[Detection], source: str, given: UserEvidence, size_wh: tuple[int, int]
 ) -> Iterator[Region]:
-    from pycocotools import mask as rle
-
     images = {entry.image_id for entry in entries}
     image_id = given.image_id
     if image_id is None and len(images) == 1:
@@ -245,13 +246,16 @@ def _regions_from_results(
     numbered: Counter[str] = Counter()
     for entry in sorted(kept, key=lambda entry: -entry.score):
         category = names.get(entry.category_id, f"category {entry.category_id}")
-        name = f"{category} {numbered[category] + 1}"
         shape = entry.visible_mask or entry.segmentation or _of_box(entry, source)
-        mask = _encode(name, shape, size_wh, source)
-        if entry.visible_mask and not rle.area(mask):
-            continue  # hidden
+        name = f"{category} {numbered[category] + 1}"
+        try:
+            region = _region(name, shape, size_wh, category, entry.score, source)
+        except _NoPixelError:
+            if entry.visible_mask:
+                continue  # hidden
+            raise
         numbered[category] += 1
-        yield _region(name, mask, size_wh, category, entry.score, source)
+        yield region
 
 
 def _of_box(entry: Detection, source: str) -> list[list[float]]:
@@ -265,10 +269,14 @@ def _of_box(entry: Detection, source: str) -> list[list[float]]:
     return [[x, y, x + w, y, x + w, y + h, x, y + h]]
 
 
-def _encode(
-    name: str, shape: RunLength | list[list[float]], size_wh: tuple[int, int], source: str
-) -> Any:
-    """A shape as pycocotools' run lengths."""
+def _region(
+    name: str,
+    shape: RunLength | list[list[float]],
+    size_wh: tuple[int, int],
+    category: str | None,
+    score: float | None,
+    source: str,
+) -> Region:
     from pycocotools import mask as rle
 
     width, height = size_wh
@@ -280,31 +288,19 @@ def _encode(
                 expected=f"{width}x{height}",
             )
         check_run_lengths(name, shape.counts, width * height, source)
-        return {"size": [height, width], "counts": shape.counts.encode("ascii")}
-    if not are_near(value for polygon in shape for value in polygon):
-        raise EvidenceInvalidError(
-            f"region {name!r} of {source} lies too far from the photo",
-            found=f"a coordinate of {max(map(abs, chain(*shape))):g} pixels",
-            expected=f"less than {MOST_COORDINATE_PX:,.0f}",
-        )
-    polygons: Any = shape
-    return rle.merge(rle.frPyObjects(polygons, height, width))
-
-
-def _region(
-    name: str,
-    encoded: Any,
-    size_wh: tuple[int, int],
-    category: str | None,
-    score: float | None,
-    source: str,
-) -> Region:
-    from pycocotools import mask as rle
-
-    width, height = size_wh
+        encoded: Any = {"size": [height, width], "counts": shape.counts.encode("ascii")}
+    else:
+        if not are_near(value for polygon in shape for value in polygon):
+            raise EvidenceInvalidError(
+                f"region {name!r} of {source} lies too far from the photo",
+                found=f"a coordinate of {max(map(abs, chain(*shape))):g} pixels",
+                expected=f"less than {MOST_COORDINATE_PX:,.0f}",
+            )
+        polygons: Any = shape
+        encoded = rle.merge(rle.frPyObjects(polygons, height, width))
     area = int(rle.area(encoded))
     if not area:
-        raise EvidenceInvalidError(
+        raise _NoPixelError(
             f"region {name!r} of {source} lies outside of the photo",
             found="no pixel",
             expected=f"an outline within {width}x{height} pixels",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,7 +147,9 @@ def _heights(
     return low, high
 
 
-def _height_at(corners: Sequence[Any], x: Points, y: Points) -> tuple[Points, NDArray[np.bool_]]:
+def _height_at(
+    corners: Iterable[Iterable[Points]], x: Points, y: Points
+) -> tuple[Points, NDArray[np.bool_]]:
     """z of planes of triangles on vertical lines, and where the triangle is hit.
 
     corners: x, y and z of each of three, numbers or arrays.
