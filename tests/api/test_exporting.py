@@ -118,7 +118,7 @@ def test_a_run_with_another_task_s_vocabulary_is_truth_with_all_of_its_categorie
     assert len(names) == 1203
     assert {"coffee_table", "cup", "spoon"} & {names[one.category_id] for one in made.annotations}
     scored = evaluate(tmp_path / "run", tmp_path / "eval", truth=tmp_path / "truth.json", draws=10)
-    assert scored.metrics["AP"] == 1.0
+    assert scored.metrics["AP"] == pytest.approx(1.0)
     with pytest.raises(UsageError, match="has no categories"):
         readout(SCENE, tmp_path / "none", vocabulary="eth3d", **options)
     with pytest.raises(UsageError, match="--vocabulary is for boxes and masks alone"):
