@@ -194,7 +194,7 @@ CHECKS: Final[dict[str, _Check]] = {
     "engine": _one_of(*ENGINES),
     "evaluator": _or_none(_one_of("official", "fast")),
     "camera_model": _or_none(_one_of("none", "dataset")),
-    **dict.fromkeys(("reference_sampling", "sky"), _or_none(_check_text)),
+    **dict.fromkeys(("reference_sampling", "sky", "vocabulary"), _or_none(_check_text)),
     "variant": _or_none(_one_of("geometric", "shading")),
     "size_wh": _or_none(_check_pair(_check_integer(1, _LONGEST_PX), _SIZE)),
     "shard": _or_none(_check_shard),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any, Literal
 
@@ -203,14 +204,18 @@ def document_of_run(
 
 
 def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
-    """The categories of the run: the track's, the shipped dataset's, or those of its own labels."""
+    """The categories of the run: the track's, a shipped dataset's, or those of its own labels."""
     expected = run.configuration.vocabulary_sha256
     vocabulary = open_track(track).vocabulary if track is not None else None
     if vocabulary is None:
-        vocabulary = load(catalog.folder("datasets") / find_dataset(run.task) / "categories.json")
+        datasets = catalog.folder("datasets")
+        own = load(datasets / find_dataset(run.task) / "categories.json")
+        others = (load(file) for file in sorted(datasets.glob("*/categories.json")))
+        vocabulary = next((one for one in chain([own], others) if one.sha256 == expected), own)
     if vocabulary.sha256 == expected:
         return vocabulary
-    exported = _exported_categories(run) if track is None else None
+    named = track is None and find_family(run.task) == DETECTION
+    exported = _exported_categories(run) if named else None
     if exported is None:
         raise UsageError(
             "the names of the run's categories are unknown",

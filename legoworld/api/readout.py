@@ -99,6 +99,7 @@ class ReadoutOptions(TypedDict, total=False):
     images_per_file: int | None
     max_side: int | None
     sky: str | None
+    vocabulary: str | None
     variant: Variant | None
     render: bool
     render_noise: bool
@@ -140,6 +141,7 @@ def readout(
     images_per_file: int | None = None,
     max_side: int | None = None,
     sky: str | None = None,
+    vocabulary: str | None = None,
     variant: Variant | None = None,
     render: bool = True,
     render_noise: bool = False,
@@ -161,8 +163,10 @@ def readout(
     shard: (i, n), read every n-th image only, starting at the i-th. images_per_file: divide the
     predictions into files of this many images. max_side: depth and normals only, longest side of
     the rendered image in pixels. variant: normals only, "geometric" (None) or "shading" normals.
-    sky: panoptic and semantic only, category of pixels without geometry, None for VOID. render,
-    render_noise: bench only, whether A's picture is rendered, and a second seed of it. overwrite:
+    sky: panoptic and semantic only, category of pixels without geometry, None for VOID.
+    vocabulary: boxes and masks only, a task such as "lvis" whose categories and label rules are
+    taken, None for the task's own. render, render_noise: bench only, whether A's picture is
+    rendered, and a second seed of it. overwrite:
     delete the results of an earlier run first. fail_fast: stop at the first scene that cannot be
     read. The limits apply to each Blender process. started: a Blender process already running with
     these limits; the caller closes it. Results do not depend on workers, engine, cache, shard,
@@ -190,6 +194,7 @@ def readout(
         tasks,
         max_side=max_side,
         sky=sky,
+        vocabulary=vocabulary,
         variant=variant,
         images_per_file=images_per_file,
         render=None if render else False,
@@ -203,7 +208,8 @@ def readout(
     with ExitStack() as written:
         runs = []
         for name in tasks:
-            reading = protocol(name, tracks[name].vocabulary)
+            labels_of = given[name].get("vocabulary")
+            reading = protocol(name, tracks[name].vocabulary, labels_of)
             rules = reading.readout.rules
             here = written.enter_context(written_at(folders[name], last=RUN))
             options = ImageOptions(

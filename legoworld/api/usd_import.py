@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
+
 from legoworld.api.arguments import check_arguments
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, make_limits
 from legoworld.errors import UsageError
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND
-from legoworld.scene.usd_labels import LabelLayer, refuse_missing_usd, write_label_layer
+from legoworld.scene.usd_labels import LabelLayer, refuse_missing_usd
 from legoworld.workers.scratch import scratch_folder
 
 
@@ -38,16 +40,15 @@ def import_usd(
         BlenderProcess(make_limits(time_limit_s, memory_limit_gib)) as blender,
         scratch_folder(".importing-", output.parent) as scratch,
     ):
-        layer, made = scratch / "labels.usda", scratch / BLEND
-        labels = write_label_layer(file.resolve(), layer)
-        blender.request(
+        made = scratch / BLEND
+        answer = blender.request(
             {
                 "kind": "import",
-                "usd": str(layer.resolve()),
-                "metres_per_unit": labels.metres_per_unit,
+                "usd": str(file.resolve()),
+                "layer": str((scratch / "labels.usda").resolve()),
                 "output": str(made.resolve()),
             }
         )
         output.mkdir(exist_ok=True)
         made.replace(blend)
-    return labels
+    return msgspec.convert(answer, LabelLayer)

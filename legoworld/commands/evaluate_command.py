@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
@@ -15,7 +16,9 @@ from legoworld.api.listener import Listener
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output, on_terminal, report_hint
-from legoworld.commands.param_types import EXISTING_PLACE, PLACE, Choice
+from legoworld.commands.param_types import EXISTING_SCENES, PLACE, Choice
+from legoworld.commands.truths import parse_truths
+from legoworld.files import readable_json, refuse_existing, write_text
 from legoworld.remote import Place
 
 if TYPE_CHECKING:
@@ -25,8 +28,14 @@ if TYPE_CHECKING:
     from legoworld.records.evaluation_rows import EvaluationRow
 
 
+_NOT_OF_POSES = (
+    "evaluator", "camera_model", "reference_sampling", "diagnostics", "draws", "seed", "workers",
+    "engine",
+)  # fmt: skip
+
+
 @click.command("evaluate")
-@click.argument("run", type=EXISTING_PLACE)
+@click.argument("run", type=EXISTING_SCENES)
 @option(
     "--truth truths",
     "Ground truth: COCO or LVIS JSON, ETH3D's folder, or a bench's DATASET/private. For a folder "
@@ -74,7 +83,8 @@ def command(
     Boxes and masks are scored by the unmodified official evaluator over every image the run
     attempted. -v prints the evaluator's own lines, then every metric with its interval and
     denominator. The folder contains ground truth: keep it private. --engine and --workers
-    distribute the work and do not change any output byte.
+    distribute the work and do not change any output byte. RUN may also be a BOP results file
+    of poses (CSV), and --truth the BOP dataset: OUTPUT/poses.json has their errors.
 
     \b
     Examples:
@@ -82,14 +92,38 @@ def command(
       legoworld evaluate runs/mine --truth bench/private -o evals/mine
       legoworld evaluate runs --truth coco=instances_val2017.json --truth lvis=lvis.json -o evals
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
+      legoworld evaluate mine_lm-test.csv --truth bop/lm -o evals/poses
     """
+    if isinstance(run, Path) and run.is_file():
+        options.refuse_given(_NOT_OF_POSES, "is not for poses")
+        return _score_poses(run, parse_truths(run, truths), output, out, given["overwrite"])
     from legoworld.api.evaluation import Evaluation, evaluate
-    from legoworld.commands.truths import parse_truths
 
     with _open_listener(out) as given["listener"]:
         evaluation = evaluate(run, output, truth=parse_truths(run, truths), **given)
     evaluations = [evaluation] if isinstance(evaluation, Evaluation) else list(evaluation.values())
     out.show(evaluation.to_dict, _lines(evaluations, evaluation.folder, verbose=out.verbose))
+    return exit_codes.DONE
+
+
+def _score_poses(
+    results: Path, dataset: Path | dict[str, Path], output: Place, out: Output, overwrite: bool
+) -> int:
+    """Score a results file of poses; write OUTPUT/poses.json."""
+    from legoworld.evaluation.pose.score import score_poses
+
+    if not isinstance(output, Path) or not isinstance(dataset, Path):
+        raise click.UsageError("poses have one truth, and an output folder on this machine")
+    file = output / "poses.json"
+    refuse_existing(file, overwrite=overwrite)
+    scores = asdict(score_poses(dataset, results))
+    output.mkdir(parents=True, exist_ok=True)
+    write_text(file, readable_json(scores))
+    numbers = {name: value for name, value in scores.items() if name != "errors"}
+    recalls = ", ".join(f"{name} {scores[name]:.4f}" for name in scores if name.startswith("ar"))
+    out.show(
+        numbers, f"{scores['n_estimates']} poses of {scores['n_truths']}: {recalls}\n-> {file}"
+    )
     return exit_codes.DONE
 
 

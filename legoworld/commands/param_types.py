@@ -135,5 +135,5 @@ class PlaceType(click.ParamType[Place]):
 
 PLACE: Final = PlaceType(exists=False)
 EXISTING_PLACE: Final = PlaceType(exists=True)
-#: A folder, its URL, or a .blend or .glb.
+#: A folder, its URL, or a file, such as a .blend or .glb.
 EXISTING_SCENES: Final = PlaceType(exists=True, file=True)

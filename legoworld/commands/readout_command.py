@@ -63,6 +63,11 @@ if TYPE_CHECKING:
 @option("--max-side", "Depth and normals: longest side of the rendered image, in pixels.", COUNT)
 @option("--sky", "Panoptic, semantic: category of pixels without geometry [default: VOID].")
 @option(
+    "--vocabulary",
+    "Boxes and masks: task whose categories and label rules are taken [default: its own].",
+    TaskChoice(lambda task: task.family.labelled),
+)
+@option(
     "--variant",
     "Normals: of the triangle's plane, or interpolated as the scene is shaded.",
     Choice(["geometric", "shading"]),

@@ -52,6 +52,10 @@ LEAST_SCORE: Final = 0.3
 CAMERA: Final = "camera.json"
 
 
+class _NoPixelError(EvidenceInvalidError):
+    """A region has no pixel."""
+
+
 class RunLength(Record, frozen=True, kw_only=True):
     """COCO's compressed RLE."""
 
@@ -60,13 +64,14 @@ class RunLength(Record, frozen=True, kw_only=True):
 
 
 class Detection(Record, frozen=True, kw_only=True):
-    """One entry of a COCO or LVIS results file."""
+    """One entry of a COCO or LVIS results file. visible_mask: what is seen of an amodal mask."""
 
     image_id: int
     category_id: int
     score: float
     bbox: tuple[float, float, float, float] | UnsetType = UNSET
     segmentation: RunLength | list[list[float]] | UnsetType = UNSET
+    visible_mask: RunLength | UnsetType = UNSET
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,12 +246,16 @@ def _regions_from_results(
     numbered: Counter[str] = Counter()
     for entry in sorted(kept, key=lambda entry: -entry.score):
         category = names.get(entry.category_id, f"category {entry.category_id}")
+        shape = entry.visible_mask or entry.segmentation or _of_box(entry, source)
+        name = f"{category} {numbered[category] + 1}"
+        try:
+            region = _region(name, shape, size_wh, category, entry.score, source)
+        except _NoPixelError:
+            if entry.visible_mask:
+                continue  # hidden
+            raise
         numbered[category] += 1
-        shape: Any = entry.segmentation
-        if isinstance(shape, UnsetType):
-            shape = _of_box(entry, source)
-        name = f"{category} {numbered[category]}"
-        yield _region(name, shape, size_wh, category, entry.score, source)
+        yield region
 
 
 def _of_box(entry: Detection, source: str) -> list[list[float]]:
@@ -291,7 +300,7 @@ def _region(
         encoded = rle.merge(rle.frPyObjects(polygons, height, width))
     area = int(rle.area(encoded))
     if not area:
-        raise EvidenceInvalidError(
+        raise _NoPixelError(
             f"region {name!r} of {source} lies outside of the photo",
             found="no pixel",
             expected=f"an outline within {width}x{height} pixels",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ __all__ = ["ANSWERS", "AnsweredImage", "Export", "ReadoutFamily", "answer_file",
 
 Export = tuple[Prediction, "Instance"]
 """A prediction and its instance."""
+
+
+#: Instances of a scene from which on it is said what its answer takes.
+MANY: Final = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +67,9 @@ class ReadoutFamily:
     file_bytes: an upper bound of an image's files by its (width, height) in pixels. rules: what
     scenes are read by where a family reads them in its own way, from card, track, source and the
     family's options. table: what `inspect` shows of an image besides its instances, by what the
-    card says is read. normals: whether the picture is drawn with normals. array: an image's answer
-    where it is one array. sum_up raises RunDamagedError for rows that no run writes.
+    card says is read. cost: of an image with MANY instances or more, what an answer takes at most,
+    said before it is made. normals: whether the picture is drawn with normals. array: an image's
+    answer where it is one array. sum_up raises RunDamagedError for rows that no run writes.
     """
 
     sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
@@ -76,6 +81,7 @@ class ReadoutFamily:
     notes: Callable[[AnsweredImage], list[str]] | None = None
     rules: Callable[[Card, Track, str, Mapping[str, Any]], Any] | None = None
     table: Callable[[str, AnsweredImage], Table | None] | None = None
+    cost: Callable[[str, AnsweredImage], str | None] | None = None
     needs_instances: bool = True
     normals: bool = False
     array: Callable[[AnsweredImage], NDArray[np.float32]] | None = None

@@ -15,17 +15,15 @@ from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """A task with its card and vocabulary (None where its answers have no categories)."""
+    """A task with its card and vocabulary (None where its answers have no categories).
+
+    override_property: the custom property that overrides `category` in this task.
+    """
 
     task: Task
     card: Card
     vocabulary: Vocabulary | None
-
-    @property
-    def override_property(self) -> str | None:
-        """The custom property that overrides `category` in this task."""
-        rules = self.card.record.vocabulary
-        return rules.override_property if rules else None
+    override_property: str | None = None
 
     def category(self, name: str, option: str) -> Category:
         """The category that an option names. UsageError for no name of the vocabulary."""
@@ -51,11 +49,18 @@ def load_readout_family(task: Task) -> ReadoutFamily:
     return task.family.load("readout", ReadoutFamily)
 
 
-def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
-    """A task's protocol; a track's own categories override the shipped vocabulary."""
+def protocol(
+    name: str, track_vocabulary: Vocabulary | None, labels_of: str | None = None
+) -> Protocol:
+    """A task's protocol; a track's own categories override the shipped vocabulary.
+
+    labels_of: another task whose vocabulary and label rules take the place of its own.
+    """
     task = task_named(name)
     card = load_card(name)
-    rules = card.record.vocabulary
+    rules = (load_card(labels_of) if labels_of else card).record.vocabulary
+    if rules is None and labels_of:
+        raise UsageError(f"the task {labels_of} has no categories", expected="such as coco or lvis")
     if rules is None:
         return Protocol(task=task, card=card, vocabulary=None)
     vocabulary = track_vocabulary or load(catalog.folder("datasets") / rules.file)
@@ -63,4 +68,6 @@ def protocol(name: str, track_vocabulary: Vocabulary | None) -> Protocol:
         vocabulary = Vocabulary(tuple(replace(c, synonyms=()) for c in vocabulary.categories))
     if rules.qualifier == "where_ambiguous":
         vocabulary = replace(vocabulary, bare_words=True)
-    return Protocol(task=task, card=card, vocabulary=vocabulary)
+    return Protocol(
+        task=task, card=card, vocabulary=vocabulary, override_property=rules.override_property
+    )

@@ -24,6 +24,7 @@ from legoworld.scene.instances import Instance
 from legoworld.scene.snapshot import Snapshot
 from legoworld.solids.hulls import HULL_SLACK_M, facing_angles_deg, share_inside
 from legoworld.solids.meshes import solid_of
+from legoworld.solids.penetration import penetration_m
 from legoworld.solids.solid import Solid
 from legoworld.solids.support import rest_on
 from legoworld.visibility.layers import HiddenPixels, amodal_areas, amodal_layers, occluders
@@ -35,6 +36,10 @@ Floats = NDArray[np.float64]
 MOST_OBJECTS: Final = 100
 #: Surfaces that are farther apart than this do not rest on each other.
 TOUCH_M: Final = 0.01
+#: The share of a thing in another's convex hull from which it may be inside of it.
+INSIDE: Final = 0.95
+#: Points of a thing of which it is asked whether another's volume holds them.
+_MOST_POINTS: Final = 64
 _DIGITS: Final = 6
 
 
@@ -96,19 +101,22 @@ def _things(view: View, instances: Sequence[Instance]) -> _Things:
     order = np.argsort(view.surfaces.placement_id, kind="stable")
     ids = view.surfaces.placement_id[order]
     solids, fronts = [], []
-    boxes = np.zeros((4, len(instances), 3))
-    for n, instance in enumerate(instances):
+    for instance in instances:
         surfaces = order[slice(*np.searchsorted(ids, [instance.id, instance.id + 1]))].tolist()
-        solid = solid_of(shot, surfaces)
-        seen = transform_points(cam_from_world, solid.points)
-        solids.append(solid)
+        solids.append(solid_of(shot, surfaces))
         fronts.append(_front(shot, surfaces, instance.name))
-        boxes[:, n] = (seen.min(0), seen.max(0), solid.points.min(0), solid.points.max(0))
-    cam_low, cam_high, low, high = boxes
+    points = np.concatenate([np.empty((0, 3)), *(solid.points for solid in solids)])
+    starts = np.cumsum([0, *(len(solid.points) for solid in solids)])[:-1]
+    seen = transform_points(cam_from_world, points)
     return _Things(
-        instances=instances, solids=solids, fronts=np.array(fronts).reshape(-1, 3),
-        cam_low=cam_low, cam_high=cam_high, low=low, high=high,
-    )  # fmt: skip
+        instances=instances,
+        solids=solids,
+        fronts=np.array(fronts).reshape(-1, 3),
+        cam_low=np.minimum.reduceat(seen, starts),
+        cam_high=np.maximum.reduceat(seen, starts),
+        low=np.minimum.reduceat(points, starts),
+        high=np.maximum.reduceat(points, starts),
+    )
 
 
 def _front(shot: Snapshot, surfaces: Sequence[int], name: str) -> Floats:
@@ -156,15 +164,19 @@ def _pairs(
     near = (diagonal[:, None] + diagonal[None]) / 2
     under, hidden = _under(things), _hidden(things, areas, hiding)
     angle = _angles(things)
-    surface, rest, inside = _contacts(things, apart, near)
+    met = _contacts(things, apart, near)
 
     def known(values: Floats) -> tuple[float, ...]:
         return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
 
     def holed(values: Floats) -> tuple[float | None, ...]:
-        if np.isnan(values).all():
-            return (None,) * len(values)
-        return tuple([None if v != v else v for v in known(values)])
+        there = np.flatnonzero(~np.isnan(values))
+        if len(there) == len(values):
+            return known(values)
+        column: list[float | None] = [None] * len(values)
+        for k, value in zip(there.tolist(), known(values[there]), strict=True):
+            column[k] = value
+        return tuple(column)
 
     return FactPairs(
         a=tuple(ids[a].tolist()),
@@ -175,11 +187,14 @@ def _pairs(
         centre_m=known(_norm(middle[a] - middle[b])),
         apart_m=known(apart[a, b]),
         near_m=known(near[a, b]),
-        surface_m=holed(surface[a, b]),
-        gap_ab_m=holed(rest[a, b]),
-        gap_ba_m=holed(rest[b, a]),
-        inside_ab=holed(inside[a, b]),
-        inside_ba=holed(inside[b, a]),
+        surface_m=holed(met.surface[a, b]),
+        depth_m=holed(met.depth[a, b]),
+        gap_ab_m=holed(met.rest[a, b]),
+        gap_ba_m=holed(met.rest[b, a]),
+        inside_ab=holed(met.inside[a, b]),
+        inside_ba=holed(met.inside[b, a]),
+        within_ab=holed(met.within[a, b]),
+        within_ba=holed(met.within[b, a]),
         under_ab_m=known(under[a, b]),
         under_ba_m=known(under[b, a]),
         angle_ab_deg=holed(angle[a, b]),
@@ -189,18 +204,40 @@ def _pairs(
     )
 
 
-def _contacts(things: _Things, apart: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
-    """(n, n) surface distances, gaps of a at rest on b, shares of a in b; NaN where unknown."""
+@dataclass(frozen=True, kw_only=True)
+class _Contacts:
+    """(n, n) arrays, NaN where unknown: surface and depth above the diagonal; of a on and in b."""
+
+    surface: Floats
+    depth: Floats
+    rest: Floats
+    inside: Floats
+    within: Floats
+
+
+def _contacts(things: _Things, apart: Floats, near: Floats) -> _Contacts:
     n = len(things.solids)
-    surface, rest, inside = np.full((n, n), np.nan), np.full((n, n), np.nan), np.zeros((n, n))
+    surface, depth, rest, inside, within = np.full((5, n, n), np.nan)
+    inside[:] = 0
+    overlap = np.minimum(things.high[:, None], things.high[None]) - np.maximum(
+        things.low[:, None], things.low[None]
+    )
+    flush = overlap.min(axis=2) < 10.0**-_DIGITS / 2
     for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
         one, two = things.solids[a], things.solids[b]
-        surface[a, b] = one.distance_m(two)
-        if surface[a, b] <= TOUCH_M:
+        surface[a, b] = gap = one.distance_m(two)
+        if gap <= TOUCH_M:
             rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
+        if gap == 0:
+            depth[a, b] = 0.0 if flush[a, b] else penetration_m(one.corners, two.corners)
         if apart[a, b] == 0:
-            inside[a, b], inside[b, a] = _inside(one, two), _inside(two, one)
-    return surface, rest, inside
+            for i, j in ((a, b), (b, a)):
+                inner, outer = things.solids[i], things.solids[j]
+                inside[i, j] = _inside(inner, outer)
+                if inside[i, j] >= INSIDE and outer.closed:
+                    few = inner.points[:: len(inner.points) // _MOST_POINTS + 1]
+                    within[i, j] = outer.share_within(few)
+    return _Contacts(surface=surface, depth=depth, rest=rest, inside=inside, within=within)
 
 
 def _directions(view: View, things: _Things) -> tuple[Floats, Floats, Floats]:

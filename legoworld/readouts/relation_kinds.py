@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
-from legoworld.readouts.relation_facts import TOUCH_M
+from legoworld.readouts.relation_facts import INSIDE, TOUCH_M
 from legoworld.records.relations import FactObject, FactPairs, Facts
 from legoworld.records.track import Designator, Which
 
-#: The share of a thing in another's convex hull from which it is inside of it.
-INSIDE: Final = 0.95
+#: How deep two things reach into each other from which they collide, as the plugin has it.
+COLLIDES_M: Final = 0.005
 #: The share of a silhouette from which it counts as hidden.
 HIDES: Final = 0.02
 FACING_DEG: Final = 45.0
@@ -81,6 +81,19 @@ def _on(pair: Pair) -> float | None:
     return apart if apart < 0 else None if other is None else 0.0
 
 
+def _inside(pair: Pair) -> float | None:
+    """None where a convex hull holds a thing and the volume does not: in a bowl, or on a couch."""
+    hull, within = pair.towards("inside"), pair.towards("within")
+    if hull is None or hull < INSIDE:
+        return _over(hull, INSIDE)
+    return min(hull, within) - INSIDE if within is not None and within >= INSIDE else None
+
+
+def _colliding(pair: Pair) -> float:
+    depth = pair.pairs.depth_m[pair.k]
+    return (-pair.distance_m if depth is None else depth) - COLLIDES_M
+
+
 def _near(pair: Pair) -> float:
     near_m = pair.pairs.near_m[pair.k]
     return 1 - pair.distance_m / near_m if near_m else 0.0
@@ -103,10 +116,11 @@ def _relations() -> Iterator[tuple[str, Relation]]:
          metres, 0.05, 0.05, lambda p: p.signed("front_m")),
         ("on", "resting on", "supports", "supporting", metres, 0.005, 0.04, _on),
         ("inside", "inside", "contains", "around",
-         share, 0.04, 0.45, lambda p: _over(p.towards("inside"), INSIDE)),
+         share, 0.04, 0.45, _inside),
         ("under", "straight below", "over", "straight above",
          metres, 0.06, 0.06, lambda p: p.towards("under", "_m")),
         ("touching", "touching", "", "", metres, 0.005, 0.04, lambda p: TOUCH_M - p.distance_m),
+        ("colliding", "reaching into", "", "", metres, 0.005, 0.005, _colliding),
         ("near", "close to", "", "", size, 0.5, 1.0, _near),
         ("far_from", "far from", "", "", size, 1.0, 0.5, lambda p: -_near(p)),
         ("facing", "facing", "", "", degrees, 15.0, 45.0, _facing),

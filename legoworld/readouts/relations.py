@@ -19,7 +19,18 @@ from legoworld.tables.table import Column, Number, Table
 
 #: What is told of a scene: of a relation and its inverse, one.
 TOLD: Final = frozenset(
-    {"left_of", "above", "in_front_of", "on", "inside", "touching", "near", "facing", "hides"}
+    {
+        "left_of",
+        "above",
+        "in_front_of",
+        "on",
+        "inside",
+        "touching",
+        "colliding",
+        "near",
+        "facing",
+        "hides",
+    }
 )
 
 
@@ -42,6 +53,12 @@ def _write(row: RunRow, image: AnsweredImage) -> RunRow:
         )
     file = write_answers(image.run, image.name, AnswerFile(facts=facts))
     return replace(row, answer=file, warnings=warnings)
+
+
+def _cost(_reads: str, image: AnsweredImage) -> str:
+    shown = sum(i.category is not None and bool(image.view.area_px[i.id]) for i in image.instances)
+    kept = min(shown, MOST_OBJECTS)
+    return f"relations of {kept} of {shown:,} visible objects: {kept * (kept - 1) // 2:,} pairs"
 
 
 def _table(_reads: str, image: AnsweredImage) -> Table:
@@ -67,5 +84,6 @@ def _thing(base: FactBase, thing: int) -> str:
 READOUT: Final = ReadoutFamily(
     write=_write,
     table=_table,
+    cost=_cost,
     sum_up=lambda summary, _rows, _ok: summary,
 )

@@ -43,9 +43,11 @@ class FactPairs(Record, frozen=True, kw_only=True):
     left_m, above_m, front_m: the gap between their extents: above 0 where a is left of, above, in
     front of b, below 0 where b is, 0 where they overlap or the picture says otherwise. centre_m:
     between their middles; surface_m: between their surfaces, None where it is at least apart_m, the
-    distance of their boxes. near_m: the distance up to which they are near.
+    distance of their boxes. near_m: the distance up to which they are near. depth_m: how deep they
+    reach into each other, None where their surfaces do not meet.
     Of a towards b, and of b towards a: gap_*_m where one rests on the other in balance; inside_*:
-    the share of one in the other's convex hull, up to a half in its box; under_*_m: how far
+    the share of one in the other's convex hull, up to a half in its box; within_*: where that is
+    INSIDE or more, the share in its volume, None where that is not closed; under_*_m: how far
     straight below; angle_*_deg: between one's front and the way to the other; hidden_*: the share
     of one that the other hides.
     """
@@ -59,10 +61,13 @@ class FactPairs(Record, frozen=True, kw_only=True):
     apart_m: Column
     near_m: Column
     surface_m: Holed
+    depth_m: Holed
     gap_ab_m: Holed
     gap_ba_m: Holed
     inside_ab: Holed
     inside_ba: Holed
+    within_ab: Holed
+    within_ba: Holed
     under_ab_m: Column
     under_ba_m: Column
     angle_ab_deg: Holed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -62,6 +62,7 @@ class SceneReader:
 
     options: of each run of the pass; scenes, source, cache, require_frozen and threads are those of
     all. started: processes that are already running; one of them is used, and closed by its owner.
+    say: called with what a large scene takes, before it is read out.
     """
 
     def __init__(
@@ -69,8 +70,10 @@ class SceneReader:
         options: Sequence[ImageOptions],
         limits: Limits,
         started: list[BlenderProcess] | None = None,
+        say: Callable[[str], None] = lambda _text: None,
     ) -> None:
         self._options = tuple(options)
+        self._say = say
         self._lent = bool(started)
         self._blender = started.pop() if started else BlenderProcess(limits)
 
@@ -93,7 +96,10 @@ class SceneReader:
         exact = [options[asked.run].protocol.readout.needs_instances for asked in questions]
         ordered = sorted(zip(questions, exact, strict=True), key=lambda pair: not pair[1])
         return [
-            (asked.run, read_image(asked.image, options[asked.run], self._blender, scene))
+            (
+                asked.run,
+                read_image(asked.image, options[asked.run], self._blender, scene, self._say),
+            )
             for asked, _ in ordered
         ]
 
@@ -114,17 +120,18 @@ def read_image(
     options: ImageOptions,
     blender: BlenderProcess,
     shared: SharedScene | None = None,
+    say: Callable[[str], None] = lambda _text: None,
 ) -> ImageRecord:
     """Read one image out. Failures of its scene become the row's status and reason.
 
-    shared: its scene folder, where other images were read of it. Raises the errors of this machine;
-    see `classify_error`.
+    shared: its scene folder, where other images were read of it; say: see `make_record`. Raises the
+    errors of this machine; see `classify_error`.
     """
     scene = shared or SharedScene(image.scene, options, blender, normals=options.normals)
     try:
         if options.bench is not None:
             return read_submission(image, scene, options, options.bench, blender)
-        return make_record(image, _with_side_files(scene, options.protocol), options)
+        return make_record(image, _with_side_files(scene, options.protocol), options, say)
     except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
         written = [options.run, *([options.cache.folder] if options.cache else [])]
         return failed_record(image, classify_error(error, written))

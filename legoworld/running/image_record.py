@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import Json, as_unicode
-from legoworld.readouts.family import AnsweredImage
+from legoworld.readouts.family import MANY, AnsweredImage
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.folders.prediction_files import predictions_sha256
@@ -131,8 +131,16 @@ def record_failure(row: RunRow, error: LegoWorldError) -> ImageRecord:
     return ImageRecord(row=verdict, trace=error.trace or UNSET)
 
 
-def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions) -> ImageRecord:
-    """The record of a scene that was read; a depth file is written on the way."""
+def make_record(
+    image: TrackImage,
+    of_image: SceneOfImage,
+    options: ImageOptions,
+    say: Callable[[str], None] = lambda _text: None,
+) -> ImageRecord:
+    """The record of a scene that was read; a depth file is written on the way.
+
+    say: called with what a large scene takes, before its answer is made.
+    """
     scene, labels = of_image.scene, of_image.labels
     snapshot = scene.snapshot
     grouping = group(snapshot, labels)
@@ -172,6 +180,10 @@ def make_record(image: TrackImage, of_image: SceneOfImage, options: ImageOptions
         vocabulary=vocabulary,
         sky=options.sky,
     )
+    if readout.cost is not None and len(grouping.instances) >= MANY:
+        expected = readout.cost(options.protocol.card.reads, answered)
+        if expected is not None:
+            say(f"{answered.name}: {expected}")
     exports = []
     if readout.exports is not None:
         exports = readout.exports(options.protocol.card.reads, answered)

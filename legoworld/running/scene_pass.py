@@ -105,7 +105,7 @@ def read_scenes(
         with ExitStack() as journals:
             for run in runs:
                 run.open_journal(journals)
-            for number, record in _read_all(request, runs):
+            for number, record in _read_all(request, runs, notice):
                 if record.trace:
                     trace(f"{record.row.file_name}: {record.trace}".rstrip())
                 progress(runs[number].store(record))
@@ -234,9 +234,12 @@ def _by_scene(images: Sequence[Sequence[TrackImage]]) -> list[Questions]:
 
 
 def _read_all(
-    request: PassRequest, runs: Sequence[_RunningRun]
+    request: PassRequest, runs: Sequence[_RunningRun], notice: Say
 ) -> Iterator[tuple[int, ImageRecord]]:
-    """Records with their run's number, in order of completion; workers end with this generator."""
+    """Records with their run's number, in order of completion; workers end with this generator.
+
+    notice: of what large scenes take; other processes do not tell.
+    """
     todo = _by_scene([run.todo() for run in runs])
     workers = max(1, min(request.workers, len(todo)))
     cores = usable_cores()
@@ -248,7 +251,7 @@ def _read_all(
         make = partial(ReaderProcess if apart else SceneReader, options, request.limits)
     else:
         started = [request.started] if request.started is not None else []
-        make = partial(SceneReader, options, request.limits, started)
+        make = partial(SceneReader, options, request.limits, started, notice)
     job = Job(make=make, lost=lost_records)
     with closing(ENGINES[request.engine](job, todo, workers)) as answers:
         for answer in answers:

@@ -62,6 +62,7 @@ class Request(TypedDict, total=False):
     usd: str
     glb: str
     metres_per_unit: float
+    layer: str
     passing: bool
     any_camera: bool
     corner_normals: bool

@@ -43,9 +43,9 @@ class LabelLayer:
 def write_label_layer(file: Path, layer: Path) -> LabelLayer:
     """Write a USD layer over a file in which each labelled prim has its label as a property.
 
-    A prim's category is its label of
-    the first taxonomy of CATEGORIES, or of the only one it has. SceneInvalidError for a file that
-    USD cannot open.
+    For a child process with limits: the file is untrusted. A prim's category is its label of the
+    first taxonomy of CATEGORIES, or of the only one it has. SceneInvalidError for a file that USD
+    cannot open.
     """
     from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 

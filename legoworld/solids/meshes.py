@@ -24,14 +24,21 @@ def surface_points_m(snapshot: Snapshot, surface: int) -> Points:
 
 def solid_of(snapshot: Snapshot, surfaces: Sequence[int]) -> Solid:
     """Some surfaces of the world as one solid."""
-    points, triangles, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
+    points: list[Points] = []
+    triangles: list[NDArray[np.int64]] = []
+    count = 0
     for surface in surfaces:
         mesh = int(snapshot.surface_mesh[surface])
         own = snapshot.triangles[slice(*snapshot.triangle_start[mesh : mesh + 2].tolist())]
         triangles.append(own.astype(np.int64) + count)
         points.append(surface_points_m(snapshot, surface))
         count += len(points[-1])
-    return Solid(points=np.concatenate(points), triangles=np.concatenate(triangles))
+    if len(points) == 1:
+        return Solid(points=points[0], triangles=triangles[0])
+    return Solid(
+        points=np.concatenate([np.empty((0, 3)), *points]),
+        triangles=np.concatenate([np.empty((0, 3), np.int64), *triangles]),
+    )
 
 
 def own_front(snapshot: Snapshot, index: int) -> Points | None:

@@ -123,17 +123,21 @@ def _contacts(first: Triangles, second: Triangles, most: int) -> list[float]:
 
     request = fcl.CollisionRequest(num_max_contacts=most, enable_contact=True)
     result = fcl.CollisionResult()
-    fcl.collide(collision_model(first), collision_model(second), request, result)
+    fcl.collide(triangle_soup(first), triangle_soup(second), request, result)
     return [abs(float(contact.penetration_depth)) for contact in result.contacts]
 
 
-def collision_model(triangles: Triangles) -> Any:
+def triangle_soup(triangles: Triangles) -> Any:
     """Triangles as FCL has them."""
+    return collision_model(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+
+
+def collision_model(points: Points, triangles: NDArray[np.int64]) -> Any:
+    """Points and the triangles between them as FCL has them."""
     import fcl
 
     model = fcl.BVHModel()
-    vertices = triangles.reshape(-1, 3)
-    model.beginModel(len(vertices), len(triangles))
-    model.addSubModel(vertices, np.arange(len(vertices)).reshape(-1, 3))
+    model.beginModel(len(points), len(triangles))
+    model.addSubModel(points, triangles)
     model.endModel()
     return fcl.CollisionObject(model)

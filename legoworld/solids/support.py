@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -48,7 +49,7 @@ def rest_on(own: Triangles, below: Triangles) -> Rest | None:
         line[(line >= below[..., axis].min()) & (line <= below[..., axis].max())]
         for axis, line in enumerate(_lines(own))
     )
-    low, high = _heights(own, x, y, np.inf)
+    low, high = _heights(own, x, y)
     _, under = _heights(below, x, y, high)
     met = np.isfinite(low) & np.isfinite(under)
     if not met.any():
@@ -105,26 +106,29 @@ def _outermost(touching: NDArray[np.bool_], x: Points, y: Points) -> Points:
 
 
 def _heights(
-    triangles: Triangles, x: Points, y: Points, most: Points | float
+    triangles: Triangles, x: Points, y: Points, most: Points | None = None
 ) -> tuple[Points, Points]:
-    """(X, Y) lowest and highest z of triangles on each line, up to `most`.
+    """(X, Y) lowest and highest z of triangles on each line; inf and -inf where there is none.
 
-    inf and -inf where there is none.
+    most: (X, Y) looks for the highest up to that alone. What is seen from the edge is on no line.
     """
     low = np.full((len(x), len(y)), np.inf)
     high = np.full((len(x), len(y)), -np.inf)
-    limit = np.broadcast_to(np.asarray(most), low.shape)
+    u, v = (triangles[:, k, :2] - triangles[:, 0, :2] for k in (1, 2))
+    triangles = triangles[u[:, 0] * v[:, 1] != u[:, 1] * v[:, 0]]
     corners, others = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
     x0, x1 = np.searchsorted(x, corners[:, 0]), np.searchsorted(x, others[:, 0], "right")
     y0, y1 = np.searchsorted(y, corners[:, 1]), np.searchsorted(y, others[:, 1], "right")
     counts = (x1 - x0) * (y1 - y0)
     large = counts >= _MANY_LINES
     for n in np.flatnonzero(large).tolist():
-        i, j = slice(x0[n], x1[n]), slice(y0[n], y1[n])
-        z = _height_at(triangles[n], x[i, None], y[None, j])
-        kept = z <= limit[i, j]  # False for NaN
-        np.minimum(low[i, j], z, out=low[i, j], where=kept)
-        np.maximum(high[i, j], z, out=high[i, j], where=kept)
+        part = slice(x0[n], x1[n]), slice(y0[n], y1[n])
+        z, hit = _height_at(triangles[n].tolist(), x[part[0], None], y[None, part[1]])
+        if most is None:
+            np.minimum(low[part], np.where(hit, z, np.inf), out=low[part])
+        else:
+            hit &= z <= most[part]
+        np.maximum(high[part], np.where(hit, z, -np.inf), out=high[part])
     near = np.flatnonzero((counts > 0) & ~large)
     ends = np.cumsum(counts[near])
     for chunk in np.split(near, np.flatnonzero(np.diff(ends // _MOST_HITS)) + 1):
@@ -133,35 +137,45 @@ def _heights(
         nth = np.arange(len(owner)) - np.repeat(first, counts[chunk])
         wide = (y1 - y0)[owner]
         i, j = x0[owner] + nth // wide, y0[owner] + nth % wide
-        z = _height_at(triangles[owner], x[i], y[j])
-        line = i * len(y) + j
-        kept = z <= limit[i, j]  # False for NaN
-        np.minimum.at(low.reshape(-1), line[kept], z[kept])
-        np.maximum.at(high.reshape(-1), line[kept], z[kept])
+        z, hit = _height_at(np.moveaxis(triangles[owner], 0, -1), x[i], y[j])
+        if most is not None:
+            hit &= z <= most[i, j]
+        line, z = (i * len(y) + j)[hit], z[hit]
+        if most is None:
+            np.minimum.at(low.reshape(-1), line, z)
+        np.maximum.at(high.reshape(-1), line, z)
     return low, high
 
 
-def _height_at(triangles: Triangles, x: Points, y: Points) -> Points:
-    """z of triangles, (..., 3, 3), on vertical lines; NaN where missed or seen from the edge."""
-    a, b, c = triangles[..., 0, :], triangles[..., 1, :], triangles[..., 2, :]
-    u0, u1 = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    v0, v1 = c[..., 0] - a[..., 0], c[..., 1] - a[..., 1]
-    w0, w1 = x - a[..., 0], y - a[..., 1]
-    area: Points = u0 * v1 - u1 * v0
-    flat = np.asarray(area == 0)
-    det = np.where(flat, 1.0, area)
-    s = (w0 * v1 - w1 * v0) / det
-    t = (u0 * w1 - u1 * w0) / det
-    hit = ~flat & (s >= 0) & (t >= 0) & (s + t <= 1)
-    z = a[..., 2] + s * (b[..., 2] - a[..., 2]) + t * (c[..., 2] - a[..., 2])
-    return np.where(hit, z, np.nan)
+def _height_at(
+    corners: Iterable[Iterable[Points]], x: Points, y: Points
+) -> tuple[Points, NDArray[np.bool_]]:
+    """z of planes of triangles on vertical lines, and where the triangle is hit.
+
+    corners: x, y and z of each of three, numbers or arrays.
+    """
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
+    w0, w1 = x - ax, y - ay
+    u0, u1, v0, v1 = bx - ax, by - ay, cx - ax, cy - ay
+    area = u0 * v1 - u1 * v0
+    s = (w0 * v1 - w1 * v0) / area
+    t = (u0 * w1 - u1 * w0) / area
+    hit = (s >= 0) & (t >= 0) & (s + t <= 1)
+    return az + s * (bz - az) + t * (cz - az), hit
 
 
 def _above(point: Points, contact: Points, half: Points) -> bool:
-    """Whether a point lies in the convex hull of rectangles around contact points."""
+    """Whether a point lies in the convex hull of rectangles around contact points.
+
+    contact: as `_outermost` has them. Most points lie in one row's own.
+    """
     from scipy.spatial import ConvexHull
 
     half = np.maximum(half, 1e-9)
+    first, last = contact[: len(contact) // 2], contact[len(contact) // 2 :]
+    rows = (np.abs(first[:, 0] - point[0]) <= half[0]) & (first[:, 1] <= point[1] + half[1])
+    if (rows & (last[:, 1] >= point[1] - half[1])).any():
+        return True
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]], np.float64)
     hull = ConvexHull((contact[:, None] + signs * half).reshape(-1, 2))
     return bool((hull.equations[:, :2] @ point + hull.equations[:, 2] <= 1e-9).all())

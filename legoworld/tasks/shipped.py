@@ -18,7 +18,7 @@ DETECTION: Final = Family(
     track="legoworld.track_making.annotations:TRACK",
     baseline="legoworld.baselines.detection:BASELINE",
     labelled=True,
-    options=frozenset({"evaluator", "images_per_file"}),
+    options=frozenset({"evaluator", "images_per_file", "vocabulary"}),
 )
 DEPTH: Final = Family(
     name="depth",
@@ -240,6 +240,7 @@ TASKS: Final = (
             "export.most_objects": 100,
             "export.touch_m": 0.01,
             "export.inside_share": 0.95,
+            "export.collides_m": 0.005,
             "export.hides_share": 0.02,
             "export.facing_deg": 45.0,
             "questions.min_area_px": 100,

@@ -4,7 +4,7 @@
 struct Drawing {
   const Frame& frame;
   Tile& tile;
-  int64_t* sources;  // of the tile, or null
+  Origins* origins;  // of the tile, or null
 };
 
 static unsigned keep_opaque(const Frame& frame, const Single& s, unsigned mask, Vd e0, Vd e1, Vd e2) {
@@ -50,14 +50,19 @@ static inline Kept keep(Vf old_depth, Vi old_id, Vf depth, Vi id) {
   return {depth < old_depth ? depth : old_depth, old_id ^ ((old_id ^ id) & wins), wins};
 }
 
-// The same for the sources: of equal depths of one instance, the lower source.
-static inline Vm keep_source(Vf old_depth, Vi old_id, Vm old, Vf depth, Vi id, Vm source, Vi changed) {
-  const Vi tied = (depth == old_depth) & (old_id == id);
-  const Vm wins = __builtin_convertvector(changed, Vm) | (__builtin_convertvector(tied, Vm) & (source < old));
-  return old ^ ((old ^ source) & wins);
-}
-
 static inline bool any(Vi mask) { return bits(__builtin_convertvector(mask, Vm)) != 0; }
+
+// Which of them are an offered origin's: those that it wins, and of equal depths of one instance those of a
+// higher source.
+static inline Vi origins_of(const Origins& all, Vi old, const Kept& kept, Vf old_depth, Vi old_id, Vf depth,
+                            Vi id, int32_t origin) {
+  Vi wins = kept.changed;
+  const Vi tied = (depth == old_depth) & (old_id == id);
+  for (int lane = 0; any(tied) && lane < kLanes; ++lane) {
+    if (tied[lane] != 0 && all.source(origin) < all.source(old[lane])) wins[lane] = -1;
+  }
+  return old ^ ((old ^ (origin - Vi{})) & wins);
+}
 
 // Draws columns x0..x1 of row y. Lanes where it stored something. kSource: sources are stored too.
 template <bool kAsk, bool kSource>
@@ -75,8 +80,8 @@ static inline Vi draw_row(const Drawing& d, const Single& s, Vi id, int y, int x
     const Vi old_id = load<Vi>(row_id + x);
     const Kept kept = keep(old_depth, old_id, depth, id);
     if (kSource) {
-      int64_t* source = d.sources + y * kStride + x;
-      store(source, keep_source(old_depth, old_id, load<Vm>(source), depth, id, s.source - Vm{}, kept.changed));
+      int32_t* at = d.origins->at + y * kStride + x;
+      store(at, origins_of(*d.origins, load<Vi>(at), kept, old_depth, old_id, depth, id, s.origin));
     }
     store(row_depth + x, kept.depth);
     store(row_id + x, kept.id);
@@ -157,11 +162,11 @@ static inline void draw_pixels(const Drawing& d, const Single& s, Pixels& pixels
 #undef LW_ID
     const Kept kept = keep(old_depth, old_id, depth, id);
     if (kSource) {
-#define LW_SOURCE(L) d.sources[at[L]]
-      const Vm old = {LW_EACH(LW_SOURCE)};
-#undef LW_SOURCE
-      const Vm source = keep_source(old_depth, old_id, old, depth, id, s.source - Vm{}, kept.changed);
-      for (int lane = 0; lane < kLanes; ++lane) d.sources[at[lane]] = source[lane];
+#define LW_ORIGIN(L) d.origins->at[at[L]]
+      const Vi old = {LW_EACH(LW_ORIGIN)};
+#undef LW_ORIGIN
+      const Vi now = origins_of(*d.origins, old, kept, old_depth, old_id, depth, id, s.origin);
+      for (int lane = 0; lane < kLanes; ++lane) d.origins->at[at[lane]] = now[lane];
     }
     for (int lane = 0; lane < kLanes; ++lane) {
       d.tile.depth[at[lane]] = kept.depth[lane];
@@ -196,45 +201,6 @@ static void draw(const Drawing& d, const Single& s, const Sides& sides, int lane
   if (pixels.count > 0) draw_pixels<kAsk, kSource>(d, s, pixels);
 }
 
-struct Several {  // kLanes candidates, set up at once
-  Corners t;
-  Edges e;  // by set_up
-  Vd low, high;
-  int64_t triangle[kLanes];  // global indices
-  const double* matrix[kLanes];  // cam_from_mesh of each
-};
-
-static inline Several gather(const Frame& frame, const Candidate* boxes, int used) {
-  const LwSurfaces& all = frame.surfaces;
-  const float* vertices[kLanes];
-  const int32_t* from[kLanes];
-  Several out;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const Candidate& box = boxes[lane < used ? lane : 0];
-    const int64_t mesh = all.placement_mesh[box.placement];
-    out.triangle[lane] = all.triangle_start[mesh] + box.triangle;
-    vertices[lane] = all.vertices + 3 * all.vertex_start[mesh];
-    from[lane] = all.triangles + 3 * out.triangle[lane];
-    out.matrix[lane] = all.cam_from_mesh + 12 * static_cast<int64_t>(box.placement);
-  }
-  Vd m[12];
-  for (int i = 0; i < 12; ++i) {
-#define LW_ENTRY(L) out.matrix[L][i]
-    m[i] = Vd{LW_EACH(LW_ENTRY)};
-#undef LW_ENTRY
-  }
-  out.t = gather_corners(m, vertices, from);
-  return out;
-}
-
-static inline Several set_up(const Frame& frame, const Candidate* boxes, int used) {
-  Several out = gather(frame, boxes, used);
-  out.e = make_edges(out.t, frame.orthographic, frame.reach);
-  out.low = smaller(smaller(out.t.z[0], out.t.z[1]), out.t.z[2]);
-  out.high = larger(larger(out.t.z[0], out.t.z[1]), out.t.z[2]);
-  return out;
-}
-
 static inline Single single_of(const LwSurfaces& all, const Several& of, double sign, int lane,
                                const Candidate& box) {
   Single s;
@@ -249,7 +215,6 @@ static inline Single single_of(const LwSurfaces& all, const Several& of, double 
   s.high = of.high[lane];
   s.id = all.placement_id[box.placement];
   s.nearest = box.nearest;
-  s.source = source_of(box.placement, box.triangle);
   const bool cut = all.triangle_cutout != nullptr && all.triangle_cutout[of.triangle[lane]] >= 0;
   s.cut = cut ? of.triangle[lane] : -1;
   return s;
@@ -260,13 +225,15 @@ template <bool kSource>
 static void draw_lanes(const Drawing& d, const Candidate* boxes, int used) {
   const LwView& view = d.frame.view;
   const Several of = set_up(d.frame, boxes, used);
+  const int32_t origin = kSource ? d.origins->add(d.frame, d.tile, of, boxes, used) : 0;
   Vd sign = of.e.side < 0 ? spread(-1.0) : spread(1.0);
   unsigned lanes = ~bits(of.e.flat) & ((1u << used) - 1);
   for (int turn = 0; turn < 2 && lanes != 0; ++turn) {
     const Sides sides = find_sides(d.frame, of.e, sign, d.tile.left, d.tile.top);
     for (unsigned todo = lanes; todo != 0; todo &= todo - 1) {
       const int lane = __builtin_ctz(todo);
-      const Single s = single_of(d.frame.surfaces, of, sign[lane], lane, boxes[lane]);
+      Single s = single_of(d.frame.surfaces, of, sign[lane], lane, boxes[lane]);
+      s.origin = origin + lane;
       if (s.cut >= 0 && turned_away(d.frame.surfaces, s.cut, of.matrix[lane], sign[lane])) continue;
       if (s.cut >= 0 || s.low < view.z_near || s.high > view.z_far) {
         draw<true, kSource>(d, s, sides, lane, boxes[lane]);

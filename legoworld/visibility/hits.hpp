@@ -6,23 +6,25 @@ static inline int64_t row_of(const Frame& frame, const Tile& tile, int32_t row) 
 }
 
 // Between two rounds the hits hold the sources as they are, with those of holdouts and open pixels.
-static void store_sources(const Frame& frame, const Tile& tile, const Sources& sources, const LwHits& hits) {
+static void store_sources(const Frame& frame, const Tile& tile, const Origins& origins, const LwHits& hits) {
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = row_of(frame, tile, r);
     for (int32_t c = 0; c < tile.columns; ++c) {
-      const int64_t source = sources.at[r * kStride + c];
+      const int64_t source = origins.source(origins.at[r * kStride + c]);
       hits.placement[at + c] = static_cast<int32_t>(source >> 32);
       hits.triangle[at + c] = static_cast<int32_t>(source);
     }
   }
 }
 
-static void load_sources(const Frame& frame, const Tile& tile, const LwHits& hits, Sources& sources) {
+static void load_sources(const Frame& frame, const Tile& tile, const LwHits& hits, Origins& origins) {
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = row_of(frame, tile, r);
     for (int32_t c = 0; c < tile.columns; ++c) {
-      sources.at[r * kStride + c] = source_of(static_cast<uint32_t>(hits.placement[at + c]),
-                                              static_cast<uint32_t>(hits.triangle[at + c]));
+      const int64_t source = source_of(static_cast<uint32_t>(hits.placement[at + c]),
+                                       static_cast<uint32_t>(hits.triangle[at + c]));
+      int32_t* origin = origins.at + r * kStride + c;
+      *origin = c > 0 && origins.source(origin[-1]) == source ? origin[-1] : origins.add(source);
     }
   }
 }
@@ -45,71 +47,35 @@ static void write_weights(const Frame& frame, const Tile& tile, const Several& o
   }
 }
 
-struct Turns {  // of the normals so far
-  uint32_t placement = UINT32_MAX;  // the last one's
-  double side = 1;                  // -1 where it mirrors
-  int64_t flipped = 0;              // turned towards the camera
-
-  double side_of(uint32_t next, const double* cam_from_mesh) {
-    if (next != placement) side = volume_of(cam_from_mesh) < 0 ? -1.0 : 1.0;
-    placement = next;
-    return side;
+// A vector to each pixel of a run, kBlock at a time: beyond the run what is within `room`, the rest of its row,
+// is still to be written.
+static inline void fill_run(const Normal& v, int32_t first, int32_t end, int32_t room, float* out) {
+  const Row part[3] = {load<Row>(v.again), load<Row>(v.again + 2), load<Row>(v.again + 1)};
+  int32_t c = first;
+  for (; c < end && c + kBlock <= room; c += kBlock) {
+    for (int k = 0; k < 3; ++k) store(out + 3 * c + k * kBlock, part[k]);
   }
-};
-
-// A vector to each pixel of a run: four floats at a time, the last of which the next pixel has.
-static inline void fill_run(const float v[4], const Candidate& run, float* out) {
-  for (int32_t c = run.x0; c < run.x1; ++c) std::memcpy(out + 3 * c, v, 4 * sizeof *v);
-  std::memcpy(out + 3 * run.x1, v, 3 * sizeof *v);
+  for (; c < end; ++c) std::memcpy(out + 3 * c, v.again, 3 * sizeof(float));
 }
 
 // The normals of runs, turned towards the camera by each pixel's own ray.
 static void write_normals(const Frame& frame, const Tile& tile, const Several& of, const Candidate* runs,
                           int used, Turns& turns, float* normal) {
-  const Corners& t = of.t;
-  const Vd ux = t.x[1] - t.x[0], uy = t.y[1] - t.y[0], uz = t.z[1] - t.z[0];
-  const Vd wx = t.x[2] - t.x[0], wy = t.y[2] - t.y[0], wz = t.z[2] - t.z[0];
-  // The product of two moved edges is the moved normal times the determinant: so is its sign.
-  Vd nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
+  const Facing facing = facing_of(frame, tile, of, runs, used, turns);
   const double* ray_x = frame.ray_x.data() + tile.left;
-  const double* ray_y = frame.ray_y.data() + tile.top;
-#define LW_RUN(L) runs[L < used ? L : 0]
-#define LW_SIDE(L) turns.side_of(LW_RUN(L).placement, of.matrix[L])
-#define LW_FIRST(L) ray_x[LW_RUN(L).x0]
-#define LW_LAST(L) ray_x[LW_RUN(L).x1]
-#define LW_ROW(L) ray_y[LW_RUN(L).y0]
-  const Vd side = {LW_EACH(LW_SIDE)}, ry = {LW_EACH(LW_ROW)};
-  const Vd first = {LW_EACH(LW_FIRST)}, last = {LW_EACH(LW_LAST)};
-#undef LW_ROW
-#undef LW_LAST
-#undef LW_FIRST
-#undef LW_SIDE
-#undef LW_RUN
-  const Vd scale = side / root((nx * nx + ny * ny) + nz * nz);
-  nx *= scale;
-  ny *= scale;
-  nz *= scale;
-  const Vd across = frame.orthographic ? Vd{} : nx, rest = frame.orthographic ? nz : ny * ry + nz;
-  // The value is monotone along a row, also as it is rounded: equal ends, equal all.
-  const Vm away = across * first + rest > 0, ends = across * last + rest > 0;
-  const unsigned turned = bits(away), mixed = turned ^ bits(ends);
-  const Vf x = narrow((away ? -nx : nx) + 0.0), y = narrow((away ? -ny : ny) + 0.0);
-  const Vf z = narrow((away ? -nz : nz) + 0.0);
   for (int lane = 0; lane < used; ++lane) {
-    Candidate run = runs[lane];
+    const Candidate& run = runs[lane];
     float* out = normal + 3 * row_of(frame, tile, run.y0);
-    const float v[4] = {x[lane], y[lane], z[lane], x[lane]};
-    const bool is_turned = (turned >> lane & 1) != 0;
-    if ((mixed >> lane & 1) == 0) {
-      fill_run(v, run, out);
+    const Normal v = facing.normal(lane);
+    const bool is_turned = (facing.turned >> lane & 1) != 0;
+    if ((facing.mixed >> lane & 1) == 0) {
+      fill_run(v, run.x0, run.x1 + 1, run.x1 + 1, out);
       turns.flipped += is_turned ? run.x1 - run.x0 + 1 : 0;
       continue;
     }
-    const float opposite[4] = {0.0f - v[0], 0.0f - v[1], 0.0f - v[2], 0.0f - v[0]};
-    for (int32_t c = run.x0, end = run.x1; c <= end; ++c) {
-      const bool here = across[lane] * ray_x[c] + rest[lane] > 0;
-      run.x0 = run.x1 = static_cast<uint8_t>(c);
-      fill_run(here == is_turned ? v : opposite, run, out);
+    for (int32_t c = run.x0; c <= run.x1; ++c) {
+      const bool here = facing.across[lane] * ray_x[c] + facing.rest[lane] > 0;
+      for (int k = 0; k < 3; ++k) out[3 * c + k] = here == is_turned ? v.again[k] : 0.0f - v.again[k];
       turns.flipped += here;
     }
   }
@@ -176,64 +142,68 @@ static void write_runs(const Frame& frame, const Tile& tile, const Candidate* ru
 static inline void write_missing(int64_t pixel, const LwHits& hits) {
   for (int k = 0; k < 2 && hits.barycentric != nullptr; ++k) hits.barycentric[2 * pixel + k] = NAN;
   for (int k = 0; k < 3 && hits.normal != nullptr; ++k) hits.normal[3 * pixel + k] = NAN;
+  if (hits.placement != nullptr) hits.placement[pixel] = hits.triangle[pixel] = -1;
 }
 
-struct ShownRow {  // of a finished tile; -1 for holdouts and open pixels
-  int64_t source[kTile];
-  int32_t placement[kTile], triangle[kTile];
-  uint64_t begins;  // bit by bit the columns where a run of one source begins
+struct ShownRow {  // of a finished tile
+  int32_t origin[kTile];  // -1 for holdouts and open pixels
+  uint64_t begins;        // bit by bit the columns where a run of one origin begins
 };
 
-static inline void finish_sources(const Tile& tile, const Sources& sources, int32_t row, ShownRow& out) {
+static inline void finish_origins(const Tile& tile, const Origins& origins, int32_t row, ShownRow& out) {
   const auto shown = [&](int32_t c) {
-    const Vi id = load<Vi>(tile.id + row * kStride + c);
-    const Vm there = __builtin_convertvector((id >= 0) & (id != INT32_MAX), Vm);
-    return load<Vm>(sources.at + row * kStride + c) | ~there;
+    const RowMask id = load<RowMask>(tile.id + row * kStride + c);
+    return load<RowMask>(origins.at + row * kStride + c) | ~((id >= 0) & (id != INT32_MAX));
   };
   out.begins = 0;
-  for (int32_t c = 0; c < kTile; c += kLanes) {
-    const Vm source = shown(c);
-    store(out.source + c, source);
-    store(out.placement + c, __builtin_convertvector(source >> 32, Vi));
-    store(out.triangle + c, __builtin_convertvector(source, Vi));
-    out.begins |= static_cast<uint64_t>(bits(source != shown(c + 1))) << c;
+  for (int32_t c = 0; c < kTile; c += kBlock) {
+    const RowMask origin = shown(c);
+    store(out.origin + c, origin);
+    out.begins |= static_cast<uint64_t>(row_bits(origin != shown(c + 1))) << c;
   }
   out.begins = out.begins << 1 | 1;
   if (tile.columns < kTile) out.begins &= (uint64_t{1} << tile.columns) - 1;
 }
 
 // A finished tile.
-static void write_hits(const Frame& frame, const Tile& tile, const Sources& sources, const LwHits& hits,
-                       Turns& turns) {
-  const auto bytes = static_cast<size_t>(tile.columns) * sizeof(int32_t);
+static void write_hits(const Frame& frame, const Tile& tile, Origins& origins, const LwHits& hits) {
   Candidate few[kLanes];
   int waiting = 0;
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = row_of(frame, tile, r);
     ShownRow shown;
-    finish_sources(tile, sources, r, shown);
-    if (hits.placement != nullptr) {
-      std::memcpy(hits.placement + at, shown.placement, bytes);
-      std::memcpy(hits.triangle + at, shown.triangle, bytes);
+    finish_origins(tile, origins, r, shown);
+    if (hits.normal != nullptr && r + kAhead < tile.rows) {
+      expect_row(3 * tile.columns, hits.normal + 3 * (at + int64_t{kAhead} * frame.width));
     }
-    if (hits.barycentric == nullptr && hits.normal == nullptr) continue;
     for (uint64_t begins = shown.begins; begins != 0;) {
       const int32_t first = __builtin_ctzll(begins);
       begins &= begins - 1;
       const int32_t end = begins == 0 ? tile.columns : __builtin_ctzll(begins);
-      const int64_t source = shown.source[first];
-      if (source < 0) {
+      if (shown.origin[first] < 0) {
         for (int32_t c = first; c < end; ++c) write_missing(at + c, hits);
         continue;
       }
+      const Origin& origin = origins.known[static_cast<size_t>(shown.origin[first])];
+      const auto placement = static_cast<uint32_t>(origin.source >> 32), triangle = static_cast<uint32_t>(origin.source);
       const auto row = static_cast<uint8_t>(r);
-      few[waiting++] = Candidate{0, static_cast<uint32_t>(source), static_cast<uint32_t>(source >> 32),
-                                 static_cast<uint8_t>(first), static_cast<uint8_t>(end - 1), row, row};
+      const Candidate run{0, triangle, placement, static_cast<uint8_t>(first), static_cast<uint8_t>(end - 1), row, row};
+      for (int32_t c = first; c < end && hits.placement != nullptr; ++c) {
+        hits.placement[at + c] = static_cast<int32_t>(placement);
+        hits.triangle[at + c] = static_cast<int32_t>(triangle);
+      }
+      if (origin.turned >= 0) {
+        fill_run(origin.normal, first, end, tile.columns, hits.normal + 3 * at);
+        origins.turns.flipped += origin.turned * (end - first);
+        continue;
+      }
+      if (hits.barycentric == nullptr && hits.normal == nullptr) continue;
+      few[waiting++] = run;
       if (waiting == kLanes) {
-        write_runs(frame, tile, few, waiting, hits, turns);
+        write_runs(frame, tile, few, waiting, hits, origins.turns);
         waiting = 0;
       }
     }
   }
-  if (waiting > 0) write_runs(frame, tile, few, waiting, hits, turns);
+  if (waiting > 0) write_runs(frame, tile, few, waiting, hits, origins.turns);
 }

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -102,6 +103,28 @@ class HiddenPixels:
         for hidden, hiding, count in pairs:
             pixels.setdefault(hidden, {})[hiding] = count
         return pixels
+
+
+def most_entries(surfaces: Surfaces, camera: Projection, size_wh: tuple[int, int]) -> int:
+    """An upper bound of the entries of `amodal_layers`: pixels of the boxes of all placements.
+
+    A placement that reaches nearer than the near plane has the whole picture.
+    """
+    low, high = np.zeros((2, len(surfaces.vertex_start) - 1, 3))
+    used = np.diff(surfaces.vertex_start) > 0
+    for function, to in ((np.minimum, low), (np.maximum, high)):
+        to[used] = function.reduceat(surfaces.vertices, surfaces.vertex_start[:-1][used])
+    kept = used[surfaces.placement_mesh]
+    mesh, matrix = surfaces.placement_mesh[kept], surfaces.cam_from_mesh[kept]
+    corners = np.array(list(product((False, True), repeat=3)))
+    points = np.where(corners, high[mesh, None], low[mesh, None])
+    seen = np.einsum("pij,pkj->pki", matrix[:, :, :3], points) + matrix[:, None, :, 3]
+    front = seen[..., 2].min(axis=1) > camera.z_near
+    scale = 1 if camera.orthographic else 1 / seen[front, :, 2:]
+    uv = seen[front, :, :2] * [camera.fx, camera.fy] * scale + [camera.cx, camera.cy]
+    ends = (np.clip(np.floor(uv.min(1)), 0, size_wh), np.clip(np.ceil(uv.max(1)), 0, size_wh))
+    behind = int(np.count_nonzero(~front))
+    return int((ends[1] - ends[0]).prod(axis=1).sum()) + behind * size_wh[0] * size_wh[1]
 
 
 def amodal_layers(

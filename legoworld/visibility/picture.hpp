@@ -64,15 +64,13 @@ static inline void stream_row(const Element* from, int32_t columns, Element* to)
 #endif
 
 // Rows of a tile lie far apart in the picture, where no hardware expects the next one.
-static inline void expect_row(int32_t columns, const int32_t* instance, const float* depth) {
-  for (int32_t c = 0; c < columns; c += kCacheLine / 4) {
-    __builtin_prefetch(instance + c, 1);
-    __builtin_prefetch(depth + c, 1);
-  }
+template <class Element>
+static inline void expect_row(int32_t count, const Element* row) {
+  for (int32_t i = 0; i < count; i += kCacheLine / 4) __builtin_prefetch(row + i, 1);
 }
+constexpr int32_t kAhead = 4;  // rows
 
 static void write_tile(const Frame& frame, const Tile& tile, int32_t* instance, float* depth) {
-  constexpr int32_t kAhead = 4;  // rows
   const bool past_cache = streams(frame, instance, depth);
   for (int32_t r = 0; r < tile.rows; ++r) {
     const int64_t at = static_cast<int64_t>(tile.top + r) * frame.width + tile.left;
@@ -80,7 +78,10 @@ static void write_tile(const Frame& frame, const Tile& tile, int32_t* instance, 
     const int32_t* from_id = tile.id + r * kStride;
     if (!past_cache) {
       const int64_t ahead = at + int64_t{kAhead} * frame.width;
-      if (r + kAhead < tile.rows) expect_row(tile.columns, instance + ahead, depth + ahead);
+      if (r + kAhead < tile.rows) {
+        expect_row(tile.columns, instance + ahead);
+        expect_row(tile.columns, depth + ahead);
+      }
       finish_row(from_id, from_depth, tile.columns, instance + at, depth + at);
       continue;
     }

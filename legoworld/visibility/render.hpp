@@ -208,7 +208,7 @@ static int64_t near_first(Render& r, Worker& worker, int64_t tile) {
 
 // The samples that small triangles left for a tile.
 template <bool kSource>
-static void take_samples(const TileBins& bins, Tile& tile, Sources* sources) {
+static void take_samples(const TileBins& bins, Tile& tile, Origins* origins) {
   const Block<int64_t>* their = bins.sources.newest;
   bins.samples.each_block([&](const Sample* from, uint32_t count) {
     for (uint32_t i = 0; i < count; ++i) {
@@ -216,8 +216,9 @@ static void take_samples(const TileBins& bins, Tile& tile, Sources* sources) {
       const float old = tile.depth[at];
       const bool tied = from[i].depth == old;
       const bool wins = from[i].depth < old || (tied && from[i].id < tile.id[at]);
-      if (kSource && (wins || (tied && from[i].id == tile.id[at] && their->records[i] < sources->at[at]))) {
-        sources->at[at] = their->records[i];
+      if (kSource && (wins || (tied && from[i].id == tile.id[at] &&
+                               their->records[i] < origins->source(origins->at[at])))) {
+        origins->at[at] = origins->add(their->records[i]);
       }
       tile.depth[at] = wins ? from[i].depth : old;
       tile.id[at] = wins ? from[i].id : tile.id[at];
@@ -228,10 +229,10 @@ static void take_samples(const TileBins& bins, Tile& tile, Sources* sources) {
 }
 
 template <bool kSource>
-static void draw_tile(Render& r, Worker& worker, Tile& tile, Sources* sources, int64_t index) {
-  for (const Worker& other : r.workers) take_samples<kSource>(other.bins.data()[index], tile, sources);
+static void draw_tile(Render& r, Worker& worker, Tile& tile, Origins* origins, int64_t index) {
+  for (const Worker& other : r.workers) take_samples<kSource>(other.bins.data()[index], tile, origins);
   const int64_t count = near_first(r, worker, index);
-  const Drawing drawing{r.frame, tile, kSource ? sources->at : nullptr};
+  const Drawing drawing{r.frame, tile, origins};
   draw_candidates<kSource>(drawing, worker.near_first.data(), count);
 }
 
@@ -259,28 +260,27 @@ static bool has_records(const Render& r, int64_t tile) {
 template <bool kSource>
 static void draw_tiles(Render& r, Worker& worker, int32_t* instance, float* depth) {
   Buffer<Tile> scratch;
-  Buffer<Sources> more;
   Tile& tile = *scratch.at_least(1);
-  Sources* sources = kSource ? more.at_least(1) : nullptr;
-  Turns turns;
+  const std::unique_ptr<Origins> origins(kSource ? new Origins(*r.hits) : nullptr);
   const bool again = r.first > 0;
   for (int64_t begin, end; r.tile_queue.take(begin, end);) {
     for (int64_t i = begin; i < end; ++i) {
       if (again && !r.last && !has_records(r, i)) continue;
       tile.begin(r.frame, i);
+      if (kSource) origins->count = 0;
       if (again) load_tile(r.frame, tile, r.so_far, i, instance, depth);
-      if (kSource && again) load_sources(r.frame, tile, *r.hits, *sources);
-      draw_tile<kSource>(r, worker, tile, sources, i);
+      if (kSource && again) load_sources(r.frame, tile, *r.hits, *origins);
+      draw_tile<kSource>(r, worker, tile, origins.get(), i);
       if (r.last) {
         write_tile(r.frame, tile, instance, depth);
-        if (kSource) write_hits(r.frame, tile, *sources, *r.hits, turns);
+        if (kSource) write_hits(r.frame, tile, *origins, *r.hits);
       } else {
         store_tile(r.frame, tile, r.so_far, i, instance, depth);
-        if (kSource) store_sources(r.frame, tile, *sources, *r.hits);
+        if (kSource) store_sources(r.frame, tile, *origins, *r.hits);
       }
     }
   }
-  if (kSource) r.flipped += turns.flipped;
+  if (kSource) r.flipped += origins->turns.flipped;
 }
 
 static void empty_bins(const Render& r, Worker& worker) {

@@ -10,7 +10,7 @@ struct Single {  // one triangle, ready to be drawn into a tile
   int64_t cut;  // the triangle's global index when its alpha decides, else -1
   int32_t id;
   float nearest;
-  int64_t source;  // see source_of
+  int32_t origin;  // its number among the tile's origins, where they are asked for
 };
 
 constexpr double kLeastSlope = 1e-290;  // below, products may underflow: the edge bounds nothing

@@ -1,9 +1,5 @@
 // One tile of the picture while it is drawn. Included once per instruction set.
 
-struct Sources {  // where each stored sample of the tile comes from (see source_of); without one, anything
-  int64_t at[kTile * kStride];
-};
-
 struct Tile {
   float depth[kTile * kStride];
   int32_t id[kTile * kStride];

@@ -6,6 +6,7 @@
 #include "bin.hpp"
 #include "tile.hpp"
 #include "spans.hpp"
+#include "faces.hpp"
 #include "draw.hpp"
 #include "picture.hpp"
 #include "hits.hpp"

@@ -9,6 +9,7 @@ import pytest
 from checkout import CHECKOUT
 from evaluation.detection_runs import random_predictions, random_truth, write_run
 
+from legoworld import evaluate, readout
 from legoworld.api.exporting import RECORD, export, is_run
 from legoworld.api.scenes import open_scene
 from legoworld.errors import SceneInvalidError, UsageError
@@ -106,3 +107,19 @@ def test_what_a_format_is_not_written_from_is_refused(run, tmp_path):
     with pytest.raises(UsageError, match=r"unknown format 'yolo'.*coco, kins"):
         export(run, tmp_path / "out", format="yolo")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_run_with_another_task_s_vocabulary_is_truth_with_all_of_its_categories(tmp_path):
+    options = {"task": "amodal", "source": "glb", "cache": False, "workers": 1}
+    scene = CHECKOUT / "examples" / "coffee"
+    readout(scene, tmp_path / "run", vocabulary="lvis", **options)
+    made = export(tmp_path / "run", tmp_path / "truth.json", format="kins")
+    names = {category.id: category.name for category in made.categories}
+    assert len(names) == 1203
+    assert {"coffee_table", "cup", "spoon"} & {names[one.category_id] for one in made.annotations}
+    scored = evaluate(tmp_path / "run", tmp_path / "eval", truth=tmp_path / "truth.json", draws=10)
+    assert scored.metrics["AP"] == pytest.approx(1.0)
+    with pytest.raises(UsageError, match="has no categories"):
+        readout(SCENE, tmp_path / "none", vocabulary="eth3d", **options)
+    with pytest.raises(UsageError, match="--vocabulary is for boxes and masks alone"):
+        readout(SCENE, tmp_path / "x", vocabulary="lvis", **{**options, "task": "eth3d"})

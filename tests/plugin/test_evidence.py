@@ -73,6 +73,25 @@ def test_results_are_named_by_category_best_first(tmp_path, photo):
     assert evidence.region("chair 2").area_px == 200
 
 
+def test_of_an_amodal_result_the_visible_part_is_taken_and_a_hidden_one_left_out(tmp_path, photo):
+    whole, seen = np.zeros((2, H, W), np.uint8)
+    whole[5:15, 5:25] = seen[5:15, 5:9] = 1
+    shapes = [
+        {"size": [H, W], "counts": rle.encode(np.asfortranarray(m))["counts"].decode()}
+        for m in (whole, seen, whole * 0)
+    ]
+    results = [
+        {"image_id": 7, "category_id": 62, "score": 1.0, "segmentation": shapes[0],
+         "visible_mask": shapes[n]}
+        for n in (2, 1)
+    ]  # fmt: skip
+    vocabulary = protocol("amodal", None).vocabulary
+    evidence = made(tmp_path, photo, results, vocabulary=vocabulary)
+    (region,) = evidence.file.regions
+    assert region.name == "chair 1"
+    assert (evidence.mask(region) == seen).all()
+
+
 @pytest.mark.parametrize(
     ("regions", "why"),
     [

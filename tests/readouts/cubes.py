@@ -22,8 +22,10 @@ FACES = np.array(
 SIZE = (320, 240)
 
 
-def seen(*placed, unit_scale=1.0, size=SIZE, camera=None):
+def seen(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
     """placed: (category, camera-frame middle, size or 3 of them, degrees about up, optional).
+
+    faces: of each box.
 
     Returns the view and its instances; a category of None is unlabelled.
     """
@@ -44,9 +46,9 @@ def seen(*placed, unit_scale=1.0, size=SIZE, camera=None):
         camera=replace(camera or CAMERA, world_from_camera=LEVEL, lens_mm=24.0, clip_end=1e4),
         render=replace(RENDER, unit_scale=unit_scale),
         vertices=CORNERS,
-        triangles=FACES,
+        triangles=faces,
         vertex_start=np.array([0, 8]),
-        triangle_start=np.array([0, 12]),
+        triangle_start=np.array([0, len(faces)]),
         surface_mesh=np.zeros(n, np.int32),
         world_from_mesh=np.array(matrices).reshape(n, 3, 4),
     )

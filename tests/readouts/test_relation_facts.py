@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from readouts.cubes import seen
+from readouts.cubes import FACES, seen
 from scene.by_hand import CAMERA
 
 from legoworld.errors import InstallationError
@@ -18,7 +18,7 @@ from legoworld.readouts.relation_facts import relation_facts
 from legoworld.readouts.relation_kinds import RELATIONS, FactBase
 from legoworld.readouts.relations import READOUT
 from legoworld.records.base import decode
-from legoworld.records.plugin_requirements import Containment, Facing, Support
+from legoworld.records.plugin_requirements import Collision, Containment, Facing, Support
 from legoworld.records.relations import AnswerFile
 from legoworld.records.run_rows import RunRow
 from legoworld.records.track import Designator
@@ -86,6 +86,30 @@ def test_what_is_inside_under_and_hidden():
     assert facts.margin("hides", 1, 0) > 0.1 > 0 > facts.margin("hides", 0, 1)
     assert facts.margin("under", 2, 0) == pytest.approx(1.0)
     assert facts.margin("over", 0, 2) == pytest.approx(1.0)
+
+
+def test_what_a_closed_volume_holds_is_inside_and_what_only_a_hull_holds_is_undecided():
+    """The camera is in the room, too."""
+    placed = ("room", (0, 0, 0), 10), ("ball", (0, 0, 3), 0.5), ("cup", (0, 2, 6), 3)
+    closed = base(*placed)
+    assert closed.margin("inside", 1, 0) == closed.margin("contains", 0, 1) == pytest.approx(0.05)
+    assert closed.margin("inside", 0, 1) == pytest.approx(-0.95)
+    assert closed.margin("inside", 2, 0) == pytest.approx(-0.45), "half of it"
+    without_a_wall = base(*placed, faces=FACES[1:])
+    assert without_a_wall.margin("inside", 1, 0) is None
+    assert without_a_wall.margin("inside", 2, 0) == pytest.approx(-0.45)
+
+
+def test_things_that_reach_into_each_other_collide_by_the_plugin_s_depth():
+    placed = ("cup", (0, 0, 5), 1), ("plate", (0.9, 0, 5), 1), ("fork", (0, -1, 5), 1)
+    view, instances = seen(*placed, ("spoon", (3, 0, 5), 1))
+    facts = FactBase(relation_facts(view, instances))
+    world = InTheWorld(SimpleNamespace(snapshot=view.snapshot))
+    depth, _ = world.collision(Collision(entity="thing 0", other="thing 1", hard=True))
+    assert facts.pair(0, 1).pairs.depth_m[0] == pytest.approx(depth) == pytest.approx(0.1)
+    assert facts.margin("colliding", 1, 0) == pytest.approx(0.095)
+    assert facts.margin("colliding", 0, 2) == -0.005, "it rests there"
+    assert facts.margin("colliding", 0, 3) == pytest.approx(-2.005)
 
 
 @pytest.mark.parametrize(("degrees", "margin"), [(0, -45), (180, -45), (90, 45), (-90, -135)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -100,6 +101,19 @@ def test_a_pass_that_was_stopped_is_resumed_to_the_same_bytes(
 
 
 @pytest.mark.blender
+def test_what_a_scene_of_many_instances_takes_is_said_before_it_is_read_out(tmp_path, monkeypatch):
+    monkeypatch.setattr("legoworld.running.image_record.MANY", 2)
+    said: list[str] = []
+    listener = legoworld.Listener(notice=said.append, row=lambda row: said.append(row.scene))
+    options = {"source": "glb", "cache": False, "listener": listener, "workers": 1}
+    scene = catalog.folder("examples") / "coffee"
+    legoworld.readout(scene, tmp_path, task=["amodal", "relations", "coco"], **options)
+    told = [text for text in said if "instances drawn as if alone" in text or " pairs" in text]
+    assert len(told) == 2, said
+    assert re.search(r"coffee: 5 instances .* at most [0-9,]+ pixels, [0-9]+ MB", told[0])
+    assert "relations of 3 of 3 visible objects: 3 pairs" in told[1]
+
+
 def test_each_scene_is_hashed_read_and_drawn_once(scenes, cache, tmp_path, monkeypatch):
     counts = {"hashed": 0, "read": 0, "drawn": 0}
 

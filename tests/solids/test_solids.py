@@ -10,6 +10,7 @@ from solids.boxes import about, box
 
 from legoworld.solids.hulls import facing_angles_deg
 from legoworld.solids.penetration import penetration_m
+from legoworld.solids.solid import Solid
 from legoworld.solids.support import centre_of_mass, rest_on
 
 
@@ -150,3 +151,32 @@ def test_the_centre_of_mass_is_the_volumes():
 def test_the_angle_of_a_front(front, way, expected):
     (angle,) = facing_angles_deg(np.array(front), np.array([way]))
     assert angle == expected or (expected is None and math.isnan(angle))
+
+
+def solid(triangles):
+    return Solid(
+        points=triangles.reshape(-1, 3), triangles=np.arange(3 * len(triangles)).reshape(-1, 3)
+    )
+
+
+def test_a_closed_solid_encloses_what_the_planes_of_a_box_do():
+    random = np.random.default_rng(5)
+    turn = about(random.normal(size=3), 40)
+    outer = box((0.1, 0.2, 0.3), (1, 2, 3), turn)
+    points = random.uniform(-2, 2, (2_000, 3))
+    inside = (np.abs((points - (0.1, 0.2, 0.3)) @ turn) <= (0.5, 1, 1.5)).all(axis=1)
+    assert solid(outer).closed
+    for some in (points[inside], points[~inside], points):
+        own = (np.abs((some - (0.1, 0.2, 0.3)) @ turn) <= (0.5, 1, 1.5)).all(axis=1)
+        assert solid(outer).share_within(some) == own.mean()
+    assert solid(outer).share_within(outer.reshape(-1, 3)) == 1, "its corners are its own"
+
+
+def test_a_box_without_a_side_or_with_one_turned_around_is_not_closed():
+    whole = box((0, 0, 0), (1, 1, 1))
+    turned = whole.copy()
+    turned[0] = whole[0][::-1]
+    assert not solid(whole[1:]).closed
+    assert not solid(turned).closed
+    assert not solid(whole[:0]).closed
+    assert solid(np.concatenate([whole, box((3, 0, 0), (1, 1, 1))])).closed

@@ -22,6 +22,7 @@ from legoworld.visibility.layers import (
     amodal_areas,
     amodal_layers,
     direct_occluders,
+    most_entries,
     occluders,
     visible_areas,
 )
@@ -187,6 +188,18 @@ def test_no_instances_and_instances_beside_the_picture():
     assert bytes_of(beside) == bytes_of(nothing)
     assert amodal_areas(beside, 1).tolist() == visible_areas(beside, 1).tolist() == [0]
     assert counted(occluders(beside)) == {}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_bound_is_no_less_than_the_entries_and_no_more_than_all_pictures(seed):
+    surfaces, camera, size_wh = jumble(seed)
+    most = most_entries(surfaces, camera, size_wh)
+    assert len(amodal_layers(surfaces, camera, size_wh).instance) <= most
+    assert most <= len(surfaces.placement_mesh) * size_wh[0] * size_wh[1]
+
+
+def test_the_bound_of_a_plate_is_its_own_pixels():
+    assert 2500 <= most_entries(place([plate(0, 1, 2)]), CAMERA, SIZE) <= 52 * 52
 
 
 def test_more_entries_than_allowed_are_refused():

@@ -13,6 +13,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -188,14 +189,15 @@ def _usd(request: Request) -> dict[str, Any]:
 
 
 def _import(request: Request) -> dict[str, Any]:
-    """A USD file as a .blend, written to the output."""
+    """A USD file as a .blend, written to the output; what its labels are."""
     from legoworld.conventions import CATEGORY_KEY
     from legoworld.scene.blender.usd import import_usd
-    from legoworld.scene.usd_labels import INSTANCE
+    from legoworld.scene.usd_labels import INSTANCE, write_label_layer
 
-    layer, output = Path(request["usd"]), Path(request["output"])
-    import_usd(layer, output, (CATEGORY_KEY, INSTANCE), request["metres_per_unit"])
-    return {}
+    layer, output = Path(request["layer"]), Path(request["output"])
+    labels = write_label_layer(Path(request["usd"]), layer)
+    import_usd(layer, output, (CATEGORY_KEY, INSTANCE), labels.metres_per_unit)
+    return asdict(labels)
 
 
 def _import_glb(request: Request) -> dict[str, Any]:

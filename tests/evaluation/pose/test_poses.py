@@ -10,6 +10,7 @@ from evaluation.solids import about_y
 from exports.made_views import made_view
 from readouts.level_view import CUBE, FACES, about_z
 
+from legoworld import cli
 from legoworld.evaluation.pose.errors import (
     Model,
     Photo,
@@ -144,6 +145,23 @@ def test_the_poses_of_a_view_score_one_against_themselves(dataset, tmp_path):
     made = score_poses(dataset, results(tmp_path / "own.csv", dataset))
     assert (made.ar, made.ar_vsd, made.ar_mssd, made.ar_mspd) == (1, 1, 1, 1)
     assert made.n_truths == made.n_estimates == 3
+
+
+def test_the_command_writes_the_errors_and_refuses_what_poses_do_not_have(
+    dataset, tmp_path, capsys
+):
+    own = results(tmp_path / "own.csv", dataset)
+    words = ["evaluate", str(own), "--truth", str(dataset), "-o", str(tmp_path / "eval")]
+    assert cli.run(words) == 0
+    assert "3 poses of 3: ar 1.0000" in capsys.readouterr().out
+    written = json.loads((tmp_path / "eval/poses.json").read_text())
+    assert written["ar_mspd"] == 1
+    assert written["errors"][0]["vsd"] == [0.0] * 10
+    assert cli.run(words) == 2, "it is there already"
+    assert cli.run([*words, "--overwrite", "--json"]) == 0
+    capsys.readouterr()
+    assert cli.run([*words, "--overwrite", "--draws", "5"]) == 2
+    assert "--draws is not for poses" in capsys.readouterr().err
 
 
 def test_recall_is_averaged_over_thresholds(dataset, tmp_path):
