@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from string import Formatter
 from typing import Final
 
 from legoworld.agents.mcp_server import server_problems
@@ -19,6 +20,24 @@ from legoworld.records.agents import AgentCardFile
 _CARDS: Final = Path(__file__).with_name("cards")
 #: Replaced in the command before it is started: these are of the MCP server's environment.
 OF_THE_SERVER: Final = ("{mcp_python}",)
+
+#: What a card's words may name; agent_process fills them in.
+PLACEHOLDERS: Final = frozenset(
+    {
+        "home",
+        "image",
+        "image_name",
+        "mcp_config",
+        "mcp_python",
+        "model_arguments",
+        "player",
+        "prompt",
+        "prompt_file",
+        "steps",
+        "transcript",
+        "workspace",
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +94,24 @@ def read_agent_card(path: Path) -> AgentCard:
             found=f"name = {about.name!r}",
             expected=f"the name of its file, {path.stem!r}",
         )
+    _check_placeholders(about, path)
     return AgentCard(about=about, path=path, sha256=sha256_of_file(path))
+
+
+def _check_placeholders(about: AgentCardFile, path: Path) -> None:
+    words = [*about.command, *about.continue_command, *about.variables.values(), about.mcp.path]
+    for word in words:
+        try:
+            named = {name for _, name, _, _ in Formatter().parse(word) if name is not None}
+        except ValueError:
+            named = {word}
+        if unknown := sorted(named - PLACEHOLDERS):
+            raise CatalogError(
+                f"the card {path.name} has a word that cannot be filled in",
+                found=f"{{{unknown[0]}}} in {word!r}",
+                expected=" or ".join(f"{{{name}}}" for name in sorted(PLACEHOLDERS)),
+                next_step="write {{ and }} for braces that the agent should get",
+            )
 
 
 def agent_problems(card: AgentCard, caller: Mapping[str, str] | None = None) -> list[str]:

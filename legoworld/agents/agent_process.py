@@ -81,7 +81,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         servers = [blender_server(order.port, order.workspace.folder / "tmp")]
         if order.plugin_port is not None:
             servers.append(plugin_relay(order.plugin_port))
-        write_configuration(configuration, about.mcp.format, servers)
+        write_configuration(configuration, about.mcp, servers)
         words["mcp_config"] = about.mcp.path.format_map(words)
         for name in about.needs.credentials:
             (home / name).parent.mkdir(parents=True, exist_ok=True)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from legoworld.baselines import environments
 from legoworld.endpoint.listener import HOST
 from legoworld.errors import UsageError
 from legoworld.files import Json, readable_json, write_text
-from legoworld.records.agents import McpFormat
+from legoworld.records.agents import AgentMcp
 
 PLAYER: Final = Path(__file__).with_name("blender_mcp") / "play.py"
 RELAY: Final = PLAYER.with_name("relay.py")
@@ -104,12 +104,15 @@ def plugin_relay(port: int) -> McpServer:
     )
 
 
-def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer]) -> None:
-    """Write the file that tells an agent how to start its servers, as the agent reads it."""
+def write_configuration(path: Path, mcp: AgentMcp, servers: Sequence[McpServer]) -> None:
+    """Write the file that tells an agent how to start its servers, with the card's settings."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    if kind == "codex":  # https://developers.openai.com/codex/mcp; a JSON text is a TOML one
-        text = "\n".join(_codex(server) for server in servers)
-    elif kind == "opencode":  # https://opencode.ai/docs/mcp-servers/
+    if mcp.format == "codex":  # https://developers.openai.com/codex/mcp; a JSON text is a TOML one
+        settings = "".join(f"{key} = {text}\n" for key, text in _dotted(mcp.settings))
+        text = "\n".join([settings, *(_codex(server) for server in servers)])
+        write_text(path, text.lstrip())
+        return
+    if mcp.format == "opencode":  # https://opencode.ai/docs/mcp-servers/
         local: dict[str, Json] = {
             s.name: {
                 "type": "local",
@@ -120,14 +123,24 @@ def write_configuration(path: Path, kind: McpFormat, servers: Sequence[McpServer
             }
             for s in servers
         }
-        text = readable_json({"$schema": "https://opencode.ai/config.json", "mcp": local})
+        ours = {"$schema": "https://opencode.ai/config.json", "mcp": local}
     else:  # Claude Code's, Gemini CLI's and most others'
         started: dict[str, Json] = {
             s.name: {"command": s.command, "args": list(s.arguments), "env": s.variables}
             for s in servers
         }
-        text = readable_json({"mcpServers": started})
-    write_text(path, text)
+        ours = {"mcpServers": started}
+    write_text(path, readable_json({**mcp.settings, **ours}))
+
+
+def _dotted(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """A table's lines in TOML: keys from the top, so that none of them opens a table."""
+    for key, value in settings.items():
+        name = f"{above}{json.dumps(key)}"
+        if isinstance(value, dict):
+            yield from _dotted(value, f"{name}.")
+        else:
+            yield name, json.dumps(value)
 
 
 def _codex(server: McpServer) -> str:

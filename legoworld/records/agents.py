@@ -16,10 +16,14 @@ McpFormat = Literal["mcp_servers", "codex", "opencode"]
 
 
 class AgentMcp(Record, frozen=True, kw_only=True):
-    """[mcp]: the file that tells an agent of the Blender server, and how it is written."""
+    """[mcp]: the file that tells an agent of the Blender server, and how it is written.
+
+    settings: what else that file holds, such as the agent's model provider and its base URL.
+    """
 
     format: McpFormat
     path: str
+    settings: dict[str, Any] = field(default_factory=dict)
 
 
 class AgentTranscript(Record, frozen=True, kw_only=True):

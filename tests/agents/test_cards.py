@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import string
 import tomllib
 from dataclasses import replace
 
@@ -12,7 +11,13 @@ from agents.tracks import make_track, server_or_skip
 from msgspec import structs
 
 from legoworld import cli
-from legoworld.agents.agent_cards import agent_cards, agent_problems, load_agent, read_agent_card
+from legoworld.agents.agent_cards import (
+    PLACEHOLDERS,
+    agent_cards,
+    agent_problems,
+    load_agent,
+    read_agent_card,
+)
 from legoworld.agents.agent_process import build_command
 from legoworld.agents.mcp_server import (
     RELAY,
@@ -22,22 +27,29 @@ from legoworld.agents.mcp_server import (
 )
 from legoworld.agents.run_plan import plan_run
 from legoworld.errors import CatalogError, UsageError
+from legoworld.records.agents import AgentMcp
 
 CARDS = agent_cards()
-PLACEHOLDERS = {
-    "home", "image", "image_name", "mcp_config", "mcp_python", "model_arguments", "player",
-    "prompt", "prompt_file", "steps", "transcript", "workspace",
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("card", CARDS, ids=lambda c: c.name)
-def test_a_card_names_what_is_filled_in(card):
-    about = card.about
-    texts = [*about.command, about.mcp.path, *about.variables.values()]
-    used = {name for text in texts for _, name, _, _ in string.Formatter().parse(text) if name}
-    assert used <= PLACEHOLDERS
-    assert about.run == (card.name == "program")
-    assert about.run or "never run" in about.checked
+def test_a_card_that_was_never_run_says_so(card):
+    assert card.about.run or "never run" in card.about.checked
+
+
+@pytest.mark.parametrize(
+    ("word", "found"),
+    [('-c provider={name="own"}', 'name="own"'), ("{photo}", "{photo}"), ("{", "'{'")],
+)
+def test_a_word_with_another_name_or_a_brace_of_its_own_is_refused(tmp_path, word, found):
+    path = tmp_path / "codex.toml"
+    path.write_text(load_agent("codex").path.read_text().replace('"--json"', json.dumps(word)))
+    with pytest.raises(CatalogError, match=r"cannot be filled in.*write \{\{ and \}\}") as caught:
+        read_agent_card(path)
+    assert found in str(caught.value)
+    path.write_text(path.read_text().replace(json.dumps(word), '"-c={{a=1}}"'))
+    words = dict.fromkeys(PLACEHOLDERS, "")
+    assert "-c={a=1}" in build_command(read_agent_card(path), words, None, continues=False)
 
 
 def test_the_four_agents_and_the_one_that_plays_are_there():
@@ -150,8 +162,12 @@ def test_a_card_that_lacks_something_is_refused_with_its_name(tmp_path):
 def test_each_configuration_file_says_the_same_server(tmp_path, kind):
     server_or_skip()
     servers = [blender_server(9900, tmp_path / "a 'b\" c"), plugin_relay(9901)]
-    write_configuration(tmp_path / "file", kind, servers)
+    settings = {"model_providers": {"own": {"base_url": "http://127.0.0.1:1/v1", "n": 2}}}
+    mcp = AgentMcp(format=kind, path="unused", settings=settings)
+    write_configuration(tmp_path / "file", mcp, servers)
     text = (tmp_path / "file").read_text()
+    whole_file = tomllib.loads(text) if kind == "codex" else json.loads(text)
+    assert whole_file["model_providers"] == settings["model_providers"]
     if kind == "codex":
         found = tomllib.loads(text)["mcp_servers"]
     else:

@@ -34,7 +34,7 @@ from legoworld.agents.unfinished_trial import (
 from legoworld.api.listener import Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.records.agents import BegunTrial, EndedAgent, RecordedStep, Usage
+from legoworld.records.agents import AgentMcp, BegunTrial, EndedAgent, RecordedStep, Usage
 from legoworld.records.plugin_install import PluginUsed
 from legoworld.trajectories.folder import TRIAL
 
@@ -473,12 +473,15 @@ def test_mcp_for_blender_is_installed_from_its_own_project(monkeypatch):
 
 
 def test_configurations_wait_for_a_render(tmp_path):
+    def mcp(kind):
+        return AgentMcp(format=kind, path="unused")
+
     server = mcp_server.McpServer(name="s", command="c", arguments=("a",), variables={"V": "1"})
-    mcp_server.write_configuration(tmp_path / "deep" / "codex", "codex", [server, server])
+    mcp_server.write_configuration(tmp_path / "deep" / "codex", mcp("codex"), [server, server])
     text = (tmp_path / "deep" / "codex").read_text()
     assert text.count("startup_timeout_sec = 60\ntool_timeout_sec = 180\n") == 2
     assert 'V = "1"\n\n[mcp_servers.s]' in text
-    mcp_server.write_configuration(tmp_path / "opencode", "opencode", [server])
+    mcp_server.write_configuration(tmp_path / "opencode", mcp("opencode"), [server])
     assert json.loads((tmp_path / "opencode").read_text()) == {
         "$schema": "https://opencode.ai/config.json",
         "mcp": {
@@ -488,7 +491,7 @@ def test_configurations_wait_for_a_render(tmp_path):
             }
         },
     }  # fmt: skip
-    mcp_server.write_configuration(tmp_path / "most", "mcp_servers", [server])
+    mcp_server.write_configuration(tmp_path / "most", mcp("mcp_servers"), [server])
     started = {"command": "c", "args": ["a"], "env": {"V": "1"}}
     assert json.loads((tmp_path / "most").read_text()) == {"mcpServers": {"s": started}}
 

@@ -20,6 +20,7 @@ from legoworld.plugin.initial_room import install_room
 from legoworld.plugin.initialisation import recover
 from legoworld.plugin.live import LiveBlender
 from legoworld.records import plugin_requirements as kinds
+from legoworld.records.agents import AgentMcp
 from legoworld.records.plugin_ledger import Declaration, TransactionLimits
 from legoworld.scene.cache import bpy_version
 
@@ -97,7 +98,11 @@ def test_a_room_and_its_camera_are_installed(connection, blender, tmp_path):
 def played(folder, port, code):
     """Run code in the window as an agent does: by the MCP server that it starts."""
     folder.mkdir()
-    write_configuration(folder / "mcp.json", "mcp_servers", [blender_server(port, folder)])
+    write_configuration(
+        folder / "mcp.json",
+        AgentMcp(format="mcp_servers", path="mcp.json"),
+        [blender_server(port, folder)],
+    )
     steps_file(folder / "steps.jsonl", [code])
     (folder / "prompt.md").write_text("Edit it.")
     command = [str(server_python()), str(PLAYER), "--mcp-config", str(folder / "mcp.json")]
