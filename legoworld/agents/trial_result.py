@@ -17,7 +17,7 @@ from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import one_line
 from legoworld.files import Json, write_text
 from legoworld.records.agents import EndedAgent, Finalisation, Outcome, ReconstructionFile
-from legoworld.records.atif import AtifTrajectory
+from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
 from legoworld.records.base import Storable, readable
 from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess
@@ -102,9 +102,18 @@ def _status(outcome: TrialOutcome) -> tuple[Outcome, str]:
         return "ok", "" if ending.code == 0 else f"the agent: {how}"
     if not record.calls and ending.over is None and ending.code != 0:
         return "agent_failed", f"it called Blender never and ended with {how}; {last}"
+    if how != "exit code 0" and not _model_answered(outcome.trajectory):
+        return "agent_failed", f"its model never answered: {how}; {last}"
     if not record.checkpoints:
         return "no_scene", f"no call changed the scene; the agent: {how}"
     return "no_scene", f"no scene could be exported: {'; '.join(finalised.refused)}"
+
+
+def _model_answered(trajectory: AtifTrajectory) -> bool:
+    """Whether a transcript has a step of the agent's that cost tokens, or may have."""
+    totals = trajectory.final_metrics
+    free = isinstance(totals, AtifFinalMetrics) and totals.total_completion_tokens == 0
+    return not free and any(step.source == "agent" for step in trajectory.steps)
 
 
 def _model(trajectory: AtifTrajectory) -> str | None:

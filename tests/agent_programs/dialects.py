@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,6 +11,9 @@ from typing import Any
 Body = dict[str, Any]
 #: Claude Code's tool that shows the model tools which its request leaves out.
 SEARCH = "ToolSearch"
+#: Codex's tool that runs JavaScript, in which its other tools are functions.
+EXEC = "functions.exec"
+WAITING = "text('waiting');"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +136,12 @@ def _responses_output(reply: Reply) -> list[Body]:
         {"type": "message", "id": f"msg_{reply.number}", "role": "assistant",
          "status": "completed", "content": [text]}
     ]  # fmt: skip
-    if reply.tool is not None:
+    if reply.tool == EXEC:
+        call = {"type": "custom_tool_call", "id": f"ctc_{reply.number}", "status": "completed",
+                "call_id": f"call_{reply.number}", "name": "exec", "namespace": "functions",
+                "input": reply.arguments["input"]}  # fmt: skip
+        output.append(call)
+    elif reply.tool is not None:
         space, _, name = reply.tool.rpartition(".")
         call = {"type": "function_call", "id": f"fc_{reply.number}", "status": "completed",
                 "call_id": f"call_{reply.number}", "name": name,
@@ -166,7 +175,8 @@ def _responses_stream(reply: Reply) -> str:
 
 def _responses_tools(body: Body) -> list[str]:
     found = []
-    for tool in body.get("tools", []):
+    later = [i["tools"] for i in body["input"] if i.get("type") == "additional_tools"]
+    for tool in itertools.chain(body.get("tools", []), *later):
         if "tools" in tool:  # a namespace
             found += [f"{tool['name']}.{inner['name']}" for inner in tool["tools"]]
         elif "name" in tool:
@@ -174,13 +184,17 @@ def _responses_tools(body: Body) -> list[str]:
     return found
 
 
+def _responses_results(body: Body) -> int:
+    """Answered calls but those that only waited."""
+    idle = {item["call_id"] for item in body["input"] if item.get("input") == WAITING}
+    results = [i for i in body["input"] if str(i.get("type")).endswith("call_output")]
+    return sum(result["call_id"] not in idle for result in results)
+
+
 RESPONSES = Dialect(
     path=r"/responses$",
     tools=_responses_tools,
-    results=lambda body: sum(
-        isinstance(item, dict) and str(item.get("type")).endswith("call_output")
-        for item in body.get("input", [])
-    ),
+    results=_responses_results,
     streams=lambda _path, body: bool(body.get("stream")),
     stream=_responses_stream,
     whole=lambda reply: json.dumps(_response(reply)),

@@ -12,13 +12,14 @@ import hashlib
 import json
 import re
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from agent_programs.dialects import DIALECTS, SEARCH, Dialect, Reply
+from agent_programs.dialects import DIALECTS, EXEC, SEARCH, WAITING, Dialect, Reply
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +28,7 @@ class Turn:
 
     says: str
     tool: str | None = None
+    server: str = "blender"
     arguments: dict[str, Any] = field(default_factory=dict)
 
 
@@ -89,7 +91,7 @@ class ModelServer:
             number = len(self.asked)
             tools = tuple(dialect.tools(body))
             turn = dialect.results(body) if tools else None
-            says, name, arguments = self._next(turn, tools)
+            says, name, arguments = self._next(turn, tools, text)
             usage = (1000 + 10 * number, 200, 50 + number)
             self.asked.append(
                 Asked(
@@ -101,7 +103,7 @@ class ModelServer:
         return Reply(number=number, says=says, tool=name, arguments=arguments, usage=usage)
 
     def _next(
-        self, turn: int | None, tools: Sequence[str]
+        self, turn: int | None, tools: Sequence[str], text: str
     ) -> tuple[str, str | None, dict[str, Any]]:
         if turn is None or turn >= len(self.script):
             return "A scene", None, {}
@@ -111,6 +113,13 @@ class ModelServer:
         found = [name for name in tools if re.search(rf"(^|[_.]){step.tool}$", name)]
         if not found and SEARCH in tools:
             return "I find the tool.", SEARCH, {"query": f"+{step.tool}", "max_results": 5}
+        if not found and EXEC in tools:
+            if f"mcp__{step.server}" not in text:  # not started yet: Codex does not wait for it
+                time.sleep(1)
+                return "I wait.", EXEC, {"input": WAITING}
+            call = f"tools.mcp__{step.server}__{step.tool}({json.dumps(step.arguments)})"
+            wait = '// @exec: {"yield_time_ms": 120000}'
+            return step.says, EXEC, {"input": f"{wait}\ntext(await {call});"}
         return step.says, found[0] if found else step.tool, step.arguments
 
 
