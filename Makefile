@@ -13,6 +13,7 @@ SUITE := build/suite
 SHIPPED = $(shell find legoworld readouts datasets baselines examples -type f -not -name '*.py[co]' -not -name '_kernel.*')
 BASELINES := .venv-baselines
 HARBOR := .venv-harbor
+AGENTS := .agents
 PYTHON_OF_HARBOR := python3.12
 KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/visibility/shared/*.hpp legoworld/evaluation/kernels/*.cpp legoworld/evaluation/kernels/*.hpp)
 DEMO := legoworld-demo
@@ -35,11 +36,11 @@ bench-demo: $(VENV)/tests-installed
 test: $(INSTALLED)/wheel-installed
 	$(INSTALLED)/bin/python tests/packaging/copy_suite.py $(SUITE)
 	cd $(SUITE) && LEGOWORLD_CHECKOUT=$(CURDIR) $(CURDIR)/$(INSTALLED)/bin/python -m pytest \
-	  -m 'not cluster' $(PARALLEL) $(PYTEST_ARGS)
+	  -m 'not cluster and not agent_programs' $(PARALLEL) $(PYTEST_ARGS)
 
 .PHONY: test-checkout
 test-checkout: $(VENV)/tests-installed
-	$(PYTHON) -m pytest -m 'not cluster' $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTHON) -m pytest -m 'not cluster and not agent_programs' $(PARALLEL) $(PYTEST_ARGS)
 
 # What needs torch runs in an environment of its own; see docs/baselines.md.
 test-baselines: $(BASELINES)/installed $(VENV)/tests-installed
@@ -76,6 +77,14 @@ test-environments: $(VENV)/tests-installed \
   $(foreach name,inspect openenv trainers verifiers,$(ENVIRONMENTS)/$(name)/installed)
 	LEGOWORLD_ENVIRONMENTS=$(CURDIR)/$(ENVIRONMENTS) \
 	  $(PYTHON) -m pytest -m cluster tests/cluster/test_environment_packages.py $(PYTEST_ARGS)
+
+# The four agents' own programs from npm (1.2 GB) against a model that follows a script; no network,
+# no account. AGENTS_NEWEST=1 takes their newest versions instead of the pinned ones.
+.PHONY: test-agents
+test-agents: $(VENV)/tests-installed
+	$(PYTHON) tests/agent_programs/install.py $(AGENTS) $(if $(AGENTS_NEWEST),--newest)
+	LEGOWORLD_AGENT_PROGRAMS=$(CURDIR)/$(AGENTS) \
+	  $(PYTHON) -m pytest -m agent_programs tests/agent_programs $(PYTEST_ARGS)
 
 check: $(VENV)/all-installed
 	$(VENV)/bin/ruff check .

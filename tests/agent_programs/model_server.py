@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
@@ -30,6 +30,16 @@ class Turn:
     tool: str | None = None
     server: str = "blender"
     arguments: dict[str, Any] = field(default_factory=dict)
+
+    def within(self, request: str) -> Turn:
+        """The turn with the workspace that a prompt names for {workspace}."""
+        named = re.search(r"(/[^ ]+)/scene[.]blend", request)
+        folder = named[1] if named else ""
+        filled = {
+            key: value.replace("{workspace}", folder) if isinstance(value, str) else value
+            for key, value in self.arguments.items()
+        }
+        return replace(self, arguments=filled)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +117,7 @@ class ModelServer:
     ) -> tuple[str, str | None, dict[str, Any]]:
         if turn is None or turn >= len(self.script):
             return "A scene", None, {}
-        step = self.script[turn]
+        step = self.script[turn].within(text)
         if step.tool is None:
             return step.says, None, {}
         found = [name for name in tools if re.search(rf"(^|[_.]){step.tool}$", name)]
