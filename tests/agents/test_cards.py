@@ -34,7 +34,10 @@ CARDS = agent_cards()
 
 @pytest.mark.parametrize("card", CARDS, ids=lambda c: c.name)
 def test_a_card_that_was_never_run_says_so(card):
-    assert card.about.run or "never run" in card.about.checked
+    said = card.about.checked
+    assert "never run" in said or (
+        card.about.run and ("make test" in said or card.name == "program")
+    )
 
 
 @pytest.mark.parametrize(
@@ -192,7 +195,7 @@ def test_each_configuration_file_says_the_same_server(tmp_path, kind):
 
 def test_list_and_check_say_it(capsys, monkeypatch, tmp_path):
     assert cli.run(["agent", "list"]) == 0
-    assert "never run: needs an account" in capsys.readouterr().out
+    assert "never with an account" in " ".join(capsys.readouterr().out.split())
     monkeypatch.setenv("PATH", str(tmp_path))
     assert cli.run(["agent", "check", "claude", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["name"] == "claude"

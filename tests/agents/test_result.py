@@ -18,8 +18,8 @@ from legoworld.records.agents import (
     ReconstructionFile,
     SceneContent,
 )
-from legoworld.records.atif import AtifAgent, AtifTrajectory
-from legoworld.records.base import decode
+from legoworld.records.atif import AtifAgent, AtifFinalMetrics, AtifStep, AtifTrajectory
+from legoworld.records.base import UNSET, decode
 from legoworld.records.plugin_install import PluginUsed
 from legoworld.scene.folder import PROVENANCE
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, TRIAL
@@ -59,13 +59,24 @@ def call(by="agent", status="success"):
 CALLS = [call(), call(status="error"), call(by="plugin", status="error"), call()]
 
 
-def outcome(*, over=None, code=0, last="", calls=CALLS, checkpoints=(1, 2), made=SAVED, model=None):
+ANSWER = AtifStep(step_id=1, source="agent", message="Done.")
+
+
+def outcome(
+    *, over=None, code=0, last="", calls=CALLS, checkpoints=(1, 2), made=SAVED, model=None,
+    steps=(ANSWER,), tokens=UNSET,
+):  # fmt: skip
     agent = AtifAgent(name="codex", version="1", model_name=model)
     return TrialOutcome(
         ended=EndedAgent(code=code, over=over, last_output=last, seconds=12.34567),
         record=SimpleNamespace(calls=list(calls), checkpoints=list(checkpoints)),
         finalised=made,
-        trajectory=AtifTrajectory(schema_version="ATIF-v1.6", agent=agent, steps=[]),
+        trajectory=AtifTrajectory(
+            schema_version="ATIF-v1.6",
+            agent=agent,
+            steps=list(steps),
+            final_metrics=AtifFinalMetrics(total_completion_tokens=tokens),
+        ),
         seconds=45.67891,
         continued=3,
     )
@@ -88,7 +99,8 @@ def written(tmp_path, monkeypatch):
         row = write_result(made, image, tmp_path, result, "the blender")
         provenance = json.loads((tmp_path / PROVENANCE).read_text())
         assert decode(ReconstructionFile, (tmp_path / RECONSTRUCTION).read_bytes()) == row
-        assert decode(AtifTrajectory, (tmp_path / TRAJECTORY).read_bytes()).steps == []
+        kept = decode(AtifTrajectory, (tmp_path / TRAJECTORY).read_bytes())
+        assert kept.steps == result.trajectory.steps
         return row, provenance, frozen
 
     return write
@@ -162,6 +174,13 @@ def test_the_plugin_and_its_calls_are_told(written, tmp_path, monkeypatch):
         ({"code": 1, "checkpoints": (), "made": NONE},
          "no_scene", "no call changed the scene; the agent: exit code 1"),
         ({"code": 1, "made": NONE}, "no_scene", "no scene could be exported: cut; no camera"),
+        ({"code": None, "over": "time", "last": "status 529", "checkpoints": (), "made": NONE,
+          "steps": ()},
+         "agent_failed", "its model never answered: ended at its time limit; status 529"),
+        ({"code": 1, "checkpoints": (), "made": NONE, "tokens": 0},
+         "agent_failed", "its model never answered: exit code 1; "),
+        ({"checkpoints": (), "made": NONE, "steps": ()},
+         "no_scene", "no call changed the scene; the agent: exit code 0"),
     ],
 )  # fmt: skip
 def test_a_scene_counts_however_its_agent_ended(written, said, status, reason):

@@ -399,7 +399,7 @@ def test_a_scene_folder_appears_whole_and_nothing_is_left_beside_it(campaign):
         (unfinished.scene_folder / "scene.blend").write_text(str(image.id))
         return SimpleNamespace(
             image_id=image.id, scene=image.scene, status="ok", reason="why", seconds=1.5, calls=2,
-            checkpoints=3, usage=Usage(prompt_tokens=4),
+            checkpoints=3, usage=Usage(prompt_tokens=4), content=None,
         )  # fmt: skip
 
     rows, _ = campaign.make(1, run_trial)
