@@ -154,7 +154,7 @@ class ScoreWorker:
 
     def _readout(self, request: ServeRequest, scene: _Scene) -> ImageOptions:
         options = self._options
-        parts = [*options.rules][-1] if request.parts is UNSET else request.parts
+        parts = list(options.rules)[-1] if request.parts is UNSET else request.parts
         return ImageOptions(
             scenes=scene.path.parent,
             run=self._scratch.path,

@@ -87,7 +87,7 @@ def standings_table(board: Leaderboard) -> Table:
     pairs = {(pair.first, pair.second): pair for pair in standings.pairs}
     size = range(len(board.rows))
     header = ["", "agent", "model", "rank", *(["USD a trial", "at one price"] if costs else []),
-              *(f"- {k + 1}" for k in size)]  # fmt: skip
+              *(f"minus {k + 1}" for k in size)]  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for i, row in enumerate(board.rows):
         rank = standings.ranks[i]
@@ -96,7 +96,7 @@ def standings_table(board: Leaderboard) -> Table:
         others = [_difference(pairs, i, j) for j in size]
         rows.append((i + 1, row.agent, row.model, f"{rank.rank}{ends}", *shown, *others))
     notes = [
-        f"- k: {standings.metric} minus that of system k, in percent, with its 95 % interval; "
+        f"minus k: {standings.metric} minus that of system k, in percent, with its 95 % interval; "
         "ranks with theirs: families drawn alike for all systems and runs.",
     ]
     if costs:
@@ -199,8 +199,8 @@ def _difference(pairs: Mapping[tuple[int, int], PairedDifference], i: int, j: in
     if pair is None:
         return ""
     sign = 1 if i < j else -1
-    text = f"{100 * sign * pair.difference:+.1f}"
+    text = f"{100 * sign * pair.difference + 0.0:+.1f}"
     if pair.interval is None or pair.interval.ends is None:
         return text
-    low, high = sorted(100 * sign * end for end in pair.interval.ends)
+    low, high = sorted(100 * sign * end + 0.0 for end in pair.interval.ends)
     return f"{text} [{low:.1f}, {high:.1f}]"

@@ -153,7 +153,7 @@ class Agreement(Record, frozen=True, kw_only=True):
 
 
 class OrderSwaps(Record, frozen=True, kw_only=True):
-    """Items that a judge saw in both orders. first_share: of all its judgements, the first shown.
+    """Items that a judge answered in both orders. first_share: of all judgements, the first shown.
 
     share: consistent over swapped, null without any.
     """

@@ -128,4 +128,4 @@ def test_the_scoring_service_takes_what_its_command_offers():
     taken = set(inspect.signature(bench_serve).parameters) - {"requests", "answer"}
     offered = {str(p.name) for p in command_of(("bench", "serve")).params}
     of_http = OF_ONE_COMMAND["bench serve"]
-    assert offered == of_http | taken | {"no_cache", "help"}
+    assert offered == of_http | taken | {"no_cache"}

@@ -129,6 +129,8 @@ def test_the_command_prints_and_writes_them(folders, tmp_path, capsys):
     ]
     assert "0.5000 5/6" in out
     assert "0.0010 *" in out
+    assert "+0.0 [0.0, 0.0]" in out
+    assert "-0.0" not in out
     stored = json.loads((tmp_path / "t" / "leaderboard.json").read_text("utf-8"))["standings"]
     assert stored["metric"] == "S"
     for suffix in ("md", "tex", "csv"):

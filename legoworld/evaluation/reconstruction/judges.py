@@ -144,7 +144,7 @@ def _agreement(judgements: Sequence[Judgement]) -> Agreement:
 
 
 def _swaps(judgements: Sequence[Judgement]) -> dict[str, OrderSwaps]:
-    """By judge: items shown in both orders, and whether the same one was chosen."""
+    """By judge: items answered in both orders, and whether the same one was chosen."""
     found = {}
     for judge in dict.fromkeys(one.judge for one in judgements):
         mine = [one for one in judgements if one.judge == judge]
@@ -155,7 +155,7 @@ def _swaps(judgements: Sequence[Judgement]) -> dict[str, OrderSwaps]:
             (chosen, by_order[second, first])
             for by_order in orders.values()
             for (first, second), chosen in by_order.items()
-            if first < second and (second, first) in by_order
+            if first < second and FAILED not in (chosen, by_order.get((second, first), FAILED))
         ]
         consistent = sum(a == b for a, b in pairs)
         found[judge] = OrderSwaps(

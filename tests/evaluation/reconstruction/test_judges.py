@@ -83,13 +83,15 @@ def test_a_swapped_order_shows_who_follows_the_place(tmp_path):
         said("sight", "1", ["x", "y"], "x"), said("sight", "1", ["y", "x"], "x"),
         said("sight", "2", ["x", "y"], None), said("sight", "3", ["y", "x"], "y"),
         said("sight", "4", ["y", "x"], "x"), said("b", "1", ["y", "x"], "x"),
+        said("silent", "1", ["x", "y"], "failed"), said("silent", "1", ["y", "x"], "failed"),
     ]  # fmt: skip
     found = judge_agreement(write(tmp_path / "j.jsonl", lines)).aspects["appearance"]
     assert (found.order_swaps["place"].share, found.order_swaps["place"].first_share) == (0.0, 1.0)
+    assert (found.order_swaps["silent"].swapped, found.order_swaps["silent"].share) == (0, None)
     assert (found.order_swaps["sight"].swapped, found.order_swaps["sight"].share) == (1, 1.0)
     assert (found.matrix["b"]["sight"].agreed, found.matrix["b"]["sight"].n) == (3, 5)
-    # 1 of 1 by its own builder; others: (1 of 2 + 3 of 5) / 2 cells.
-    assert (found.self_mean, found.cross_mean) == (1.0, pytest.approx((0.5 + 0.6) / 2))
+    # 1 of 1 by its own builder; others: (1 of 2 + 3 of 5 + 0 of 2) / 3 cells.
+    assert (found.self_mean, found.cross_mean) == (1.0, pytest.approx((0.5 + 0.6) / 3))
     alone = [line for line in lines if line["judge"] != "b"]
     found = judge_agreement(write(tmp_path / "k.jsonl", alone)).aspects["appearance"]
     assert (found.self_mean, found.builders) == (None, 0)
