@@ -158,4 +158,5 @@ def read_scores(study: Path, copies: list[str]) -> Scores:
                 number = measure.case(row) if row["status"] == "ok" else None
                 family = families.index(row["file_name"].partition("__")[0])
                 cases[i, k, family] = np.nan if number is None else number
+    cases = np.round(cases, 6)  # else the last digits of what is equal would be ranked
     return Scores(copies=tuple(done), families=tuple(families), values=values, cases=cases)
