@@ -123,7 +123,7 @@ def write_configuration(path: Path, mcp: AgentMcp, servers: Sequence[McpServer])
             }
             for s in servers
         }
-        ours = {"$schema": "https://opencode.ai/config.json", "mcp": local}
+        ours: dict[str, Json] = {"$schema": "https://opencode.ai/config.json", "mcp": local}
     else:  # Claude Code's, Gemini CLI's and most others'
         started: dict[str, Json] = {
             s.name: {"command": s.command, "args": list(s.arguments), "env": s.variables}
