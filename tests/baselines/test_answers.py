@@ -333,3 +333,12 @@ def test_nesting_is_bounded_where_it_says():
 
     assert isinstance(read_line(levels(MOST_LEVELS)), Message)
     assert isinstance(read_line(levels(MOST_LEVELS + 1)), Unreadable)
+
+
+def test_a_baseline_is_told_to_begin_in_the_words_of_its_protocol(monkeypatch):
+    """Its second line; a program of others may look at what it says."""
+    sent = []
+    process = object.__new__(child.BaselineProcess)
+    monkeypatch.setattr(child.BaselineProcess, "_send", lambda _self, message: sent.append(message))
+    process.begin()
+    assert sent == [{"begin": True}]

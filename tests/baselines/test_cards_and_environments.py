@@ -141,6 +141,17 @@ def test_a_baseline_without_an_environment_says_how_to_get_one(copy, monkeypatch
     capsys.readouterr()
 
 
+def test_where_environments_lie_without_a_known_home(copy, monkeypatch, tmp_path):
+    def no_home(_name):
+        raise RuntimeError("no home")
+
+    card = read_card(copy / "card.toml")
+    monkeypatch.setattr("platformdirs.user_data_path", no_home)
+    monkeypatch.setattr(environments, "home_folder", lambda: tmp_path)
+    folder = tmp_path / ".local" / "share" / "legoworld" / card.shelf / card.name
+    assert environments.environment_folder(card) == folder
+
+
 def test_a_failed_install_is_no_environment(copy, monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     project(copy, "/no/such/wheel-1-py3-none-any.whl")

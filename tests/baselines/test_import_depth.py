@@ -86,7 +86,8 @@ def test_each_photo_is_told_once(track, source, tmp_path):
         protocol=protocol("eth3d", loaded.vocabulary), track=loaded, run=tmp_path / "run",
         name="mine", ran_on=None, subset=False, overwrite=False,
     )  # fmt: skip
-    arrays = depth_source(source, {"space": "depth", "unit": "m"})
+    arrays = depth_source(source, {"space": "depth", "unit": "m", "suffix": ".npy"})
+    assert arrays.suffix == ".npy"
     import_pixels(request, arrays, progress=told.append, notice=lambda _: None)
     assert [(row.image_id, row.status) for row in told] == [(1, "ok"), (2, "missing")]
 

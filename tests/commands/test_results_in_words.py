@@ -291,7 +291,7 @@ def test_trials_as_they_end_and_as_json(
     rows = [trial(1), trial(2, "failed", usage=usage), trial(3, kept=True, usage=usage)]
     held = SimpleNamespace(does_not_hold=("the network",))
     plan = SimpleNamespace(
-        agent_held=held, blender_held=SimpleNamespace(does_not_hold=()),
+        agent_held=held, blender_held=SimpleNamespace(does_not_hold=("files", "processes")),
         card=SimpleNamespace(name="codex"),
         work=SimpleNamespace(track=SimpleNamespace(images=[1, 2, 3])),
     )  # fmt: skip
@@ -315,6 +315,7 @@ def test_trials_as_they_end_and_as_json(
     assert said.out == f"2 of 3 trials left a scene -> {tmp_path / 'out'}\n"
     assert said.err.splitlines() == [
         "not kept from codex: the network",
+        "not kept from Blender: files, processes",
         "1/3 s1 (12 s, 3 checkpoints)",
         "2/3 s2 (12 s, 3 checkpoints, 1,500 output tokens in all, $0.25): failed: too late",
         "3/3 s3 (kept, 3 checkpoints, 3,000 output tokens in all, $0.50)",

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from evaluation.panoptic.panoptic_files import call, scored, write_panoptic
 from report.chromium import browser
+from report.pages import document_of
 
 PERSON, WALL = 1, 199
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    """One evaluation of two images, of which one has no answer."""
+def folder(tmp_path_factory):
+    """One evaluation of two images, of which one has no answer, and its page."""
     folder = tmp_path_factory.mktemp("maps")
     ids = np.repeat([[1, 1, 2], [1, 0, 2]], 20, axis=0)
     pictures = {1: (ids, [(1, PERSON, 0), (2, WALL, 0)])}
@@ -23,7 +24,37 @@ def page(tmp_path_factory):
     answers = {1: (np.where(ids == 2, 2, 0), [(2, WALL, 0)])}
     scored(folder, truth, write_panoptic(folder / "theirs.json", answers, truth=False), code=1)
     call("report", folder / "eval", "-o", folder / "page.html")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder):
     return folder / "page.html"
+
+
+def test_what_a_photo_s_cell_and_its_answer_say(folder):
+    document = document_of(folder / "eval")
+    (section,) = document.sections
+    missing, answered = section.images  # without a score first
+    assert (answered.id, answered.file_name, answered.n_truth) == (1, "1.jpg", 2)
+    (cell,) = answered.cells
+    assert (cell.metric, cell.status, cell.advice, cell.findings) == ("PQ", "ok", "", 0)
+    assert (cell.quality, cell.counts) == (0.5, (1, 0, 1))
+    assert set(answered.categories) == {PERSON, WALL}
+    assert section.names[str(PERSON)] == "person"
+    (cell,) = missing.cells
+    assert (cell.status, cell.quality, cell.findings) == ("missing", None, 1)
+    assert cell.advice
+    first, second = document.views
+    facts = dict(first.sides[0].facts)
+    assert (facts["PQ"], facts["SQ"], facts["RQ"]) == ("0.5000", "0.5000", "0.5000")
+    assert [a.level for a in first.sides[0].advice] == []
+    assert [a.level for a in second.sides[0].advice] == ["bad"]
+    assert first.sides[0].label == section.sides[0].label
+    assert (first.section, first.id, first.size_wh) == (section.key, 1, (3, 40))
+    places = [(v.maps.truth, *v.maps.answers, *v.maps.agreements) for v in (first, second)]
+    assert places == [(0, 1, 2), (3, 4, 5)]
+    assert len(document.overlays) == 6
 
 
 def test_a_photo_has_panes_of_truth_and_answer(page):

@@ -18,6 +18,7 @@ from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.grid import SPACE
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.evaluation.detection.inputs.truth_checks import TruthInvalidError
+from legoworld.evaluation.detection.payloads.boxes3d import _document
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.scoring import ScoreRequest, score
@@ -296,3 +297,16 @@ def test_place_size_and_yaw_beside_the_overlap(tmp_path):
         "its centre is 0.30 m right, 0.00 m up, 0.40 m farther; "
         "size 1.00 x 1.00 x 1.00 of the true one; turned 10 deg"
     )
+
+
+def test_a_true_box_has_its_extent_in_the_picture_and_its_depth():
+    """A cube of one metre, 5 to 6 m away: 100 px of focal length over the near face's depth."""
+    corners = box((0.0, 0.0, 5.5), (1.0, 1.0, 1.0))
+    (made,) = _document(truth_of(annotation(1, corners)), "truth.json")["annotations"]
+    assert made["bbox"] == pytest.approx([40, 40, 20, 20])
+    assert (made["area"], made["iscrowd"]) == (pytest.approx(5.5), 0)
+    for change in ({"K": K[:2]}, {"width": None}, {"height": math.inf}):
+        truth = truth_of(annotation(1, corners))
+        truth["images"][0].update(change)
+        (made,) = _document(truth, "truth.json")["annotations"]
+        assert made["bbox"] == [0.0] * 4, change

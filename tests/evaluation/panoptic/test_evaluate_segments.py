@@ -59,6 +59,17 @@ def test_workers_change_no_byte_and_a_comparison_pairs_what_both_answered(made, 
     assert "PQ_stuff" in page
 
 
+def test_the_inputs_are_told_by_their_roles(made):
+    folder, truth, answers = made
+    scored(folder, truth, answers, code=1)
+    inputs = json.loads((folder / "eval/evidence.json").read_text())["inputs"]
+    assert [(i["role"], i["path"].rpartition("/")[2]) for i in inputs] == [
+        ("run", "run.json"), ("run_rows", "per_image.jsonl"), ("answer", "1.png"),
+        ("answer", "2.png"), ("truth", "truth.json"),
+        *(("truth_png", f"{n}.png") for n in (1, 2, 5)),
+    ]  # fmt: skip
+
+
 def test_an_altered_answer_is_seen(made):
     folder, truth, answers = made
     scored(folder, truth, answers, code=1)

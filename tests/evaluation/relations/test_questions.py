@@ -52,6 +52,19 @@ def test_a_scene_answers_all_questions_about_itself(room):
     assert len({one.question.id for one in made}) == len(made)
 
 
+def test_a_question_has_the_boxes_of_what_it_is_about(room):
+    for one in asked(room):
+        asks, relation = one.question, one.question.relation
+        if asks.kind == "count":
+            expected = one.answer
+        elif relation == "exists":
+            expected = int(one.answer)
+        else:
+            expected = 2 if asks.kind == "yes_no" or relation in ("nearest_to", "distance") else 1
+        assert len(one.boxes) == expected, asks.text
+        assert {*one.boxes} <= {thing.bbox_xywh_px for thing in room.objects}
+
+
 def test_true_and_false_are_balanced_and_seeded_by_the_photo(room):
     made = [one for one in asked(room) if one.question.kind == "yes_no"]
     for relation in {one.question.relation for one in made}:
