@@ -8,7 +8,12 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from legoworld.agents.program_steps import ProgramNotCutError, cut_program, saving_step
+from legoworld.agents.program_steps import (
+    ProgramNotCutError,
+    _merge_groups,
+    cut_program,
+    saving_step,
+)
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*/scene.py")) + sorted(EXAMPLES.glob("*/*/scene.py"))
@@ -58,6 +63,15 @@ def test_functions_see_names_that_later_steps_make(tmp_path):
 def test_neighbours_are_put_together_where_there_are_too_many(tmp_path):
     text = "".join(f"say({n})\n" for n in range(100))
     assert said(tmp_path, text, most=7) == (7, list(range(100)))
+
+
+@pytest.mark.parametrize(("n", "most"), [(10, 4), (25, 24), (3, 7), (24, 24), (1, 1)])
+def test_they_are_put_together_evenly(n, most):
+    sizes = [len(group) for group in _merge_groups([[k] for k in range(n)], most)]
+    assert len(sizes) == min(n, most)
+    assert sum(sizes) == n
+    assert max(sizes) - min(sizes) <= 1
+    assert _merge_groups([], most) == []
 
 
 def test_future_imports_hold_in_every_step(tmp_path):
