@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 
 from legoworld import cli
-from legoworld.commands import baseline_output, demo_command, run_text, truths
+from legoworld.commands import (
+    baseline_output,
+    demo_command,
+    param_types,
+    progress,
+    run_text,
+    score_command,
+    truths,
+)
+from legoworld.commands.output import Output
 from legoworld.errors import InstallationError
 from legoworld.records.formats import FORMATS
 from legoworld.records.run_rows import RunRow
@@ -182,3 +191,170 @@ def test_scores_over_the_images_that_all_agents_have(tmp_path, monkeypatch, caps
     document.common = None
     assert cli.run(words) == 0
     assert capsys.readouterr().out == "table of own\n"
+
+
+def convert(kind: Any, text: Any) -> Any:
+    try:
+        return kind.convert(text, None, None)
+    except click.BadParameter as error:
+        return str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("640x480", (640, 480)), ("640X480", (640, 480)), ((3, 4), (3, 4)), ("1x8192", (1, 8192)),
+        ("8192x1", (8192, 1)), ("0x5", None), ("8193x1", None), ("5", None), ("1x2x3", None),
+        ("-1x5", None), ("ax5", None), ("", None),
+    ],
+)  # fmt: skip
+def test_a_size(text, value):
+    expected = value or f"{text!r} is not a size such as 640x480"
+    assert convert(param_types.SizeType(), text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1/1", (1, 1)), ("3/3", (3, 3)), ((2, 5), (2, 5)),
+        ("0/3", "'0/3': shards are counted from 1/3 to 3/3"),
+        ("4/3", "'4/3': shards are counted from 1/3 to 3/3"),
+        ("0/0", "'0/0': shards are counted from 1/1 to 1/1"),
+        ("1", "'1' is not a shard such as 1/16"), ("1/2/3", "'1/2/3' is not a shard such as 1/16"),
+        ("a/2", "'a/2' is not a shard such as 1/16"),
+    ],
+)  # fmt: skip
+def test_a_shard(text, value):
+    assert convert(param_types.ShardType(), text) == value
+
+
+def test_a_place_is_a_folder_or_a_url(tmp_path):
+    (tmp_path / "a b").mkdir()
+    (tmp_path / "x.blend").touch()
+    for kind, file in ((param_types.PLACE, False), (param_types.EXISTING_PLACE, False),
+                       (param_types.EXISTING_SCENES, True)):  # fmt: skip
+        assert convert(kind, "s3://bucket/a%20b") == "s3://bucket/a%20b"
+        assert convert(kind, f"file://{tmp_path}/a%20b") == tmp_path / "a b"
+        assert convert(kind, str(tmp_path / "a b")) == tmp_path / "a b"
+        found = convert(kind, str(tmp_path / "x.blend"))
+        assert (found == tmp_path / "x.blend") is file, found
+    assert convert(param_types.PLACE, str(tmp_path / "new")) == tmp_path / "new"
+    for kind in (param_types.EXISTING_PLACE, param_types.EXISTING_SCENES):
+        assert "does not exist" in convert(kind, str(tmp_path / "new"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "least"), [(param_types.COUNT, 1), (param_types.FROM_ZERO, 0),
+                        (param_types.AMOUNT, 0.1)],
+)  # fmt: skip
+def test_the_least_of_a_number(kind, least):
+    assert convert(kind, str(least)) == least
+    assert "is not in the range" in convert(kind, str(least - 0.01 if least == 0.1 else least - 1))
+
+
+def test_a_misspelt_word_is_answered_by_its_nearest():
+    said = convert(param_types.Choice(["alpha", "beta"]), "alpah")
+    assert said == "'alpah' is not one of 'alpha', 'beta'. Did you mean 'alpha'?"
+    assert convert(param_types.Choice(["alpha"]), "alpha") == "alpha"
+    with_track = param_types.TaskChoice(param_types.has_track).choices
+    assert {"coco", "eth3d"} <= {*with_track} < {*param_types.TaskChoice().choices}
+    assert "bench" not in with_track
+
+
+@pytest.mark.parametrize(
+    ("n", "verbose", "shown"),
+    [(4, False, ["0", "1", "2", "3"]), (5, True, ["0", "1", "2", "3", "4"]),
+     (5, False, ["0", "1", "2", "... and 2 more words (-v lists them)"])],
+)  # fmt: skip
+def test_lines_of_one_kind_are_three_and_their_number(n, verbose, shown):
+    assert run_text._print_limited([str(k) for k in range(n)], "words", verbose=verbose) == shown
+
+
+def scored(**changes: Any) -> Any:
+    row = SimpleNamespace(status="ok", file_name="a.jpg", reason="it broke", unmatched=())
+    advice = [SimpleNamespace(level="bad", what=f"finding {k}", do="mend" * (k == 0))
+              for k in range(7)]  # fmt: skip
+    summary = SimpleNamespace(task="coco")
+    return SimpleNamespace(**{"row": row, "summary": summary, "advice": advice, "execution": None,
+                              "overlay": Path("o.png")} | changes)  # fmt: skip
+
+
+def lines(found: Any, output: Path | None = None, *, verbose: bool = False) -> list[str]:
+    out = Output(verbose=verbose)
+    return list(score_command._lines(found, found.overlay, output, out))
+
+
+def test_a_score_in_words(monkeypatch, capsys):
+    family = SimpleNamespace(short=lambda summary: f"numbers of {summary.task}")
+    monkeypatch.setattr("legoworld.evaluation.family.load_evaluation_family", lambda _: family)
+    monkeypatch.setattr("legoworld.commands.output.on_terminal", lambda: True)
+    first = ["numbers of coco", "bad: finding 0; do: mend",
+             *(f"bad: finding {k}" for k in range(1, 5))]  # fmt: skip
+    found = scored()
+    rest = "... and 2 findings more (-v lists them)"
+    assert lines(found) == [*first, rest, "overlay -> o.png"]
+    assert "-o FOLDER keeps the scene, the run" in capsys.readouterr().err
+    assert lines(found, Path("out"), verbose=True) == [
+        *first, "bad: finding 5", "bad: finding 6", "overlay -> o.png", "report -> out/report.html",
+    ]  # fmt: skip
+    assert capsys.readouterr().err == ""
+    found.advice[6].what = "the label 'cpu' is none"
+    found.row.unmatched = [SimpleNamespace(label="cpu")]
+    found.overlay = None
+    assert lines(found) == [*first, "bad: the label 'cpu' is none",
+                            "... and 1 finding more (-v lists them)"]  # fmt: skip
+    error = SimpleNamespace(line=3, type="ValueError", message="no")
+    stopped = scored(execution=SimpleNamespace(status="error", error=error), summary=None)
+    assert lines(stopped) == [
+        "the program stopped at line 3: ValueError: no; the partial scene is scored",
+        "ok: a.jpg: it broke",
+    ]
+    document = score_command._document(stopped, Path("kept.png"))
+    assert document == {
+        "row": stopped.row, "summary": None, "advice": stopped.advice,
+        "execution": {"status": "error", "error": error}, "overlay": "kept.png",
+    }  # fmt: skip
+    assert score_command._document(found, None)["overlay"] is None
+
+
+def test_the_overlay_is_kept_where_nothing_else_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "o.png").write_bytes(b"picture")
+    for _ in range(2):
+        kept = score_command._kept_overlay(tmp_path / "o.png", Path("a/139.jpg"), "lvis")
+        assert kept == Path("legoworld-runs/139-lvis-overlay.png")
+        assert kept.read_bytes() == b"picture"
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_progress_on_a_terminal_is_a_bar(quiet, monkeypatch, capsys):
+    pytest.importorskip("tqdm")
+    monkeypatch.setattr(progress, "on_terminal", lambda: True)
+    with progress.shown_progress("scene", quiet=quiet) as listener:
+        listener.total(4)
+        listener.kept(1)
+        listener.notice("a notice")
+        listener.warn("odd")
+        listener.row(RunRow(image_id=1, file_name="", status="failed"))
+        listener.row(RunRow(image_id=2, file_name="", status="ok"))
+    said = capsys.readouterr().err
+    if quiet:
+        assert said == ""
+        return
+    assert "a notice" in said
+    assert "warning: odd" in said
+    assert "1/4" in said
+
+
+def test_progress_without_a_terminal_is_lines(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "on_terminal", lambda: False)
+    clock = iter([0.0, 2.0, 3.0, 4.0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    with progress.shown_progress("scene", quiet=False) as listener:
+        listener.total(3)
+        for k in range(3):
+            listener.row(RunRow(image_id=k, file_name="", status="failed"))
+        listener.warn("odd")
+    assert capsys.readouterr().err.splitlines() == [
+        "1 of 3 scenes, 1 failed, 2 s each", "3 of 3 scenes, 3 failed, 1.3 s each", "warning: odd",
+    ]  # fmt: skip
