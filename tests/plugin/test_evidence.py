@@ -216,3 +216,14 @@ def test_the_camera_of_noise_is_unknown_and_the_command_says_so(tmp_path, photo,
     assert run([*words, "-o", str(tmp_path / "evidence")]) == 0
     assert "camera   unknown" in capsys.readouterr().out
     assert read_evidence(tmp_path / "evidence").file.camera.world_from_cam_rotation is None
+
+
+@pytest.mark.parametrize("space", ["depth", "disparity", None])
+def test_the_space_of_an_array_is_what_its_file_says(tmp_path, space):
+    said = {} if space is None else {"space": np.array(space)}
+    np.savez(tmp_path / "d.npz", values=np.ones((2, 2)), **said)
+    assert depth_file(tmp_path, "d.jpg") == (tmp_path / "d.npz", space or "depth")
+    assert depth_file(tmp_path, "other.jpg") is None
+    np.savez(tmp_path / "d.npz", values=np.ones((2, 2)), space=np.array("ray_distance"))
+    with pytest.raises(EvidenceInvalidError, match="not depth along the camera's axis"):
+        depth_file(tmp_path, "d.jpg")

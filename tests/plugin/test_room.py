@@ -19,7 +19,7 @@ from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.residuals import SMALLEST_PX
 from legoworld.plugin.room import RoomUnknownError, assign_structures, recover_room, shell_view
-from legoworld.plugin.room_fit import FACES, fit_box, rays, seen_face
+from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays, seen_face
 from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
 
 W, H = SIZE
@@ -202,3 +202,10 @@ def test_objects_touch_where_no_pixel_lies_between_them(away, touch):
     assert found == {
         "one": ("two",) if touch else (), "two": ("one",) if touch else (), "corner": (),
     }  # fmt: skip
+
+
+def test_each_face_looks_outward_along_one_axis():
+    """x right, y ahead, z up, as a room is seen."""
+    outward = {"floor": (0, 0, -1), "ceiling": (0, 0, 1), "left": (-1, 0, 0), "right": (1, 0, 0),
+               "far": (0, 1, 0), "near": (0, -1, 0)}  # fmt: skip
+    assert dict(zip(FACES, map(tuple, NORMALS.tolist()), strict=True)) == outward

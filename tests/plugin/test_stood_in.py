@@ -6,7 +6,7 @@ import json
 import math
 import socket
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
 import cv2
@@ -17,8 +17,10 @@ from plugin.talking import called
 
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin import live as live_module
+from legoworld.plugin import serve as serve_module
 from legoworld.plugin import small_render
 from legoworld.plugin.artefacts import Artefacts, find_kind
+from legoworld.plugin.case import Case
 from legoworld.plugin.connection import (
     Address,
     BlenderConnection,
@@ -447,3 +449,39 @@ def test_what_a_camera_does_not_say_is_told():
 def test_a_review_is_at_most_800_pixels_long_and_at_least_one_wide(size, shown):
     case = SimpleNamespace(evidence=SimpleNamespace(size_wh=size))
     assert _review_size(case, None) == shown
+
+
+@pytest.mark.parametrize(
+    ("evidence", "photo", "without", "known"),
+    [
+        ("e", "p", (), "evidence e of p"), ("e", None, (), "evidence e of None"),
+        (None, "p", (), "photo p"), (None, None, (), None), ("e", "p", ("evidence",), None),
+        (None, "p", ("evidence",), None),
+    ],
+)  # fmt: skip
+def test_what_a_server_knows_of_its_photo(evidence, photo, without, known, tmp_path, monkeypatch):
+    served = []
+    stubs = {
+        "require_server": lambda: None, "read_evidence": lambda e, p: f"evidence {e} of {p}",
+        "photo_alone": lambda p: f"photo {p}", "BlenderProcess": lambda _: nullcontext("reader"),
+        "BlenderConnection": lambda address: f"to {address}", "parsed_address": lambda text: text,
+        "LiveBlender": lambda *words: words,
+    }  # fmt: skip
+    for name, stub in stubs.items():
+        monkeypatch.setattr(serve_module, name, stub)
+    monkeypatch.setattr(Case, "serve", lambda case: served.append(case))
+    monkeypatch.setattr(
+        "legoworld.plugin.server.plugin_server",
+        lambda case, known, modules: (
+            served.extend([case, known, modules]) or SimpleNamespace(run=served.append)
+        ),
+    )
+    serve_module.serve_plugin(
+        address="h:9", photo=photo, evidence=evidence, ledger=tmp_path / "case", without=without,
+        require_transaction=True,
+    )  # fmt: skip
+    case, again, given, modules, how = served
+    assert case is again
+    assert (given, how) == (known, "stdio")
+    assert case.live == ("to h:9", "reader", tmp_path / "case" / "states")
+    assert ("evidence" in modules) is not bool(without)

@@ -109,5 +109,16 @@ def test_what_is_wrong_and_what_to_do(evaluation: Path) -> None:
     said = {v.id: [a.what for a in v.sides[0].advice] for v in document.views}
     assert any("25.0% of the measured pixels have no geometry" in what for what in said[1])
     assert any("near and far are exchanged" in what for what in said[2])
+    cells = {photo.id: photo.cells[0] for photo in document.sections[0].images}
+    rows = map(json.loads, (evaluation / "per_image.jsonl").read_text().splitlines())
+    for row in rows:
+        scored = "metrics" in row
+        error = row["metrics"]["abs_rel"]["error_1"] if scored else None
+        constant = row["constant"]["abs_rel"]["error_1"] if scored else None
+        cell = cells[row["image_id"]]
+        assert (cell.status, cell.score, cell.constant) == (row["status"], error, constant)
+    bad = {v.id: sum(a.level == "bad" for a in v.sides[0].advice) for v in document.views}
+    assert {n: cell.findings for n, cell in cells.items()} == bad
+    assert cells[3].advice == "no output (failed): it was failed"
     assert said[3] == ["no output (failed): it was failed"]
     assert document.views[2].depth is None

@@ -12,8 +12,15 @@ from msgspec.structs import replace
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE
 from legoworld.records.evaluation_summary import TieSpread
 from legoworld.records.evaluation_view import TrueAnnotation
+from legoworld.records.report_page import Advice
 from legoworld.records.report_tables import CategoryCell, CategoryLine, FirstScreen
-from legoworld.report import reconstruction_tables, tie_picture
+from legoworld.report import (
+    label_maps_page,
+    reconstruction_advice,
+    reconstruction_tables,
+    relations_page,
+    tie_picture,
+)
 from legoworld.report.advice import _words
 from legoworld.report.detection_images import _is_ignored
 from legoworld.report.error_kinds import _cover, image_errors
@@ -210,3 +217,69 @@ def test_the_camera_of_a_page_is_the_upper_three_rows() -> None:
     assert found.world_from_cam == tuple(map(tuple, rows[:3]))
     assert (found.fx, found.fy, found.cx, found.cy, found.size_wh) == (1, 2, 3, 4, (8, 6))
     assert _camera(scene, SimpleNamespace(rendered_wh=None)) is None  # type: ignore[arg-type]
+
+
+def test_the_objects_that_lose_most_come_first() -> None:
+    def scored(name: str, f1: float, *, eligible: bool = True) -> Any:
+        return SimpleNamespace(name=name, f1=f1, eligible=eligible, precision=f1, recall=f1,
+                               at={}, n_submitted=9, n_reference=9)  # fmt: skip
+
+    objects = [scored("a", 0.6), scored("b", 0.2), scored("c", 0.6), scored("d", 0.99),
+               scored("e", 0.0, eligible=False)]  # fmt: skip
+    row_of: Any = SimpleNamespace(objects=objects)
+    said = [advice.what.partition(":")[0] for advice in reconstruction_advice._objects(row_of)]
+    assert said == ["b", "a", "c"]
+
+
+def test_flags_are_a_table_to_the_third_digit() -> None:
+    flag = SimpleNamespace(file_name="a.png", image_id=4, kind="photo_copied", what="a texture",
+                           measured=0.98765, threshold=0.9)  # fmt: skip
+    side = SimpleNamespace(name="one", reconstruction=SimpleNamespace(flags=[flag]))
+    section: Any = SimpleNamespace(key="bench", sides=[side])
+    (found,) = reconstruction_tables.flag_tables(section)
+    ((case, of, kind, what, measured, threshold),) = found.rows
+    assert (case.text, case.link, of) == ("a.png", "#/bench/4", "one")
+    assert (kind, what, threshold) == ("photo copied", "a texture", "0.9")
+    assert (measured.value, measured.digits) == (0.98765, 3)
+    assert (found.title, found.folded) == ("1 integrity flag", True)
+    side.reconstruction.flags = []
+    assert reconstruction_tables.flag_tables(section) == []
+
+
+@pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("page", [relations_page, label_maps_page])
+def test_an_answer_s_warnings_and_wrong_answers_are_advice(
+    page: Any, failed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    why = [Advice(level="bad", what="no output")] if failed else []
+    for name, value in {
+        "failure_advice": lambda _row: [*why], "run_facts": lambda *_: (("a", "b"),),
+        "run_tables": lambda _row: ("table",),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(page, name, value)
+    run_row = SimpleNamespace(warnings=("odd", "late"))
+    side: Any = SimpleNamespace(
+        label="x", name="one", is_scene=True, run_rows={3: run_row}, source=lambda n: f"source {n}"
+    )
+    document = SimpleNamespace(scenes=SimpleNamespace(page_scene=lambda *words: words))
+    row: Any = SimpleNamespace(image_id=3, status="ok", has_score=True)
+    if page is relations_page:
+        asked = [SimpleNamespace(score=s, text=f"q{k}?", answer="yes", truth="no")
+                 for k, s in enumerate([1.0, 0.0, None, 0.5])]  # fmt: skip
+        found = page._answer(side, row, asked, document)
+        bad = ["q1? yes, truly no", "q3? yes, truly no"]
+    else:
+        monkeypatch.setattr(page, "_values", lambda *_: {"PQ": None, "SQ": 0.5})
+        asked = SimpleNamespace(document=document, family=None)
+        found, bad = page._answer(asked, side, row), []
+        assert found.facts[1:] == (("PQ", "-"), ("SQ", "0.5000"))
+    expected = [*(["no output"] if failed else bad), "late", "odd"]
+    assert [(a.level, a.what) for a in found.advice] == [
+        ("warn" if what in ("odd", "late") else "bad", what) for what in expected
+    ]
+    assert (found.label, found.status, found.facts[0]) == ("one", "ok", ("a", "b"))
+    assert (found.tables, found.scene) == (("table",), ("source 3", run_row))
+    side.is_scene = False
+    again = page._answer(*((side, row, asked, document) if page is relations_page else
+                           (asked, side, row)))  # fmt: skip
+    assert again.scene is None

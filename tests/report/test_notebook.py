@@ -14,7 +14,15 @@ from report.pages import HOSTILE, evaluated
 
 import legoworld
 from legoworld.records.report_tables import ForestRow, Span
-from legoworld.report.notebook import _LEFT, _WIDTH, _forest, instances_text, picture_html
+from legoworld.report.notebook import (
+    _DIFFERENCE,
+    _GAP,
+    _LEFT,
+    _WIDTH,
+    _forest,
+    instances_text,
+    picture_html,
+)
 
 
 class Checked(HTMLParser):
@@ -142,3 +150,31 @@ def test_an_opened_scene_s_view_shows_its_overlay() -> None:
     text = view._repr_html_()
     assert text.startswith('<div><img src="data:image/png;base64,')
     assert "cat" in Checked(text).text
+
+
+def test_ticks_and_differences_stand_at_their_values_and_beside_each_other() -> None:
+    """Three differences of up to 0.5; the plot is `_DIFFERENCE` wide with 20 px at each end."""
+    spans = (span(0.5, 0.4, 0.5), span(-0.25), span(0.0))
+    row = ForestRow(name="AP", better="higher", sides=(), differences=spans)
+    root = ElementTree.fromstring(_forest([row], ()))
+    middle, reach = _LEFT + _WIDTH + _GAP + _DIFFERENCE / 2, _DIFFERENCE / 2 - 20
+    ticks = {
+        one.text: float(one.attrib["x"])
+        for one in root
+        if one.attrib.get("text-anchor") == "middle"
+    }
+    assert ticks["+0.5"] == pytest.approx(middle + reach, abs=0.1)
+    assert ticks["-0.5"] == pytest.approx(middle - reach, abs=0.1)
+    assert ticks["0.25"] == pytest.approx(_LEFT + _WIDTH / 4, abs=0.1)
+    assert float(root.attrib["width"]) == _LEFT + _WIDTH + _GAP + _DIFFERENCE
+    circles, _ = drawn(row)
+    assert [float(c["cx"]) for c in circles] == pytest.approx(
+        [middle + reach, middle - reach / 2, middle], abs=0.1
+    )
+    assert [float(c["cy"]) - 30 for c in circles] == [-9, 0, 9], "the first above"
+    sides = ForestRow(name="AP", better="higher", sides=(span(0.5),) * 4, differences=())
+    circles, _ = drawn(sides)
+    assert [float(c["cy"]) - 30 for c in circles] == [-13.5, -4.5, 4.5, 13.5]
+    assert circles[2]["fill"] == circles[3]["fill"] != circles[1]["fill"]
+    root = ElementTree.fromstring(_forest([sides], ()))
+    assert float(root.attrib["width"]) == _LEFT + _WIDTH + _GAP

@@ -299,6 +299,19 @@ def test_commands_hashes_versions_and_licences(both: tuple[Path, Path], page: Pa
     assert "BSD-2-Clause" in text
     assert "no card knows this truth by its hash" in text
     assert str(page.parent) not in text, "no path of this machine"
+    origin = document_of(both[0]).sections[0].provenance[0]
+    assert [(table.title, table.header) for table in origin.tables] == [
+        ("Inputs", ("role", "file", "bytes", "sha256")),
+        ("The evaluation's files", ("file", "sha256")),
+        ("Versions and licences", ("what", "version", "licence")),
+        ("Configuration", ("option", "value")),
+    ]
+    roles = [row[0] for row in origin.tables[0].rows]
+    evidence = json.loads((both[0] / "evidence.json").read_text())
+    assert roles == [entry["role"] for entry in evidence["inputs"]]
+    chosen = dict(origin.tables[3].rows)
+    assert (chosen["run: task"], chosen["evaluation: draws"]) == ("lvis", "20")
+    assert (origin.folder, origin.partial) == (both[0].name, False)
 
 
 def test_one_side_alone_says_that_no_specialist_was_run(tmp_path: Path) -> None:
