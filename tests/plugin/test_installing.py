@@ -199,3 +199,30 @@ def test_adding_and_removing_are_inverse(text):
     assert document["hooks"]["Stop"][-2:] == [1, {"y": None}]
     assert document["deep"] == {"er": {"est": {"z": True}}}
     assert remove_fragments(after, fragments) == text
+
+
+@pytest.mark.parametrize("dialect", HOOKS)
+def test_the_hooks_of_each_harness_are_these(tmp_path, dialect):
+    """What blocks a call where the hook does not end well is part of them."""
+    words = ("--for", dialect, "--project", tmp_path, "--ledger", tmp_path / "case")
+    assert do(*words, "--require-transaction", "--write") == 0
+    hooks = json.loads((tmp_path / HOOKS[dialect]).read_bytes())["hooks"]
+    plan = InstallPlan(
+        dialect=dialect, project=tmp_path, serve=(), ledger=tmp_path / "case",
+        require_transaction=True,
+    )  # fmt: skip
+    command = hook_command(plan)
+    assert command.endswith("--require-transaction || exit 2")
+    if dialect == "cursor":
+        assert hooks == {
+            "beforeMCPExecution": [{"command": command, "failClosed": True}],
+            "afterMCPExecution": [{"command": command}],
+            "stop": [{"command": command, "loop_limit": 8}],
+        }
+        return
+    timeout = hooks["Stop"][0]["hooks"][0]["timeout"]
+    assert timeout >= 10
+    run = [{"type": "command", "command": command, "timeout": timeout}]
+    names = "execute_blender_code|execute_code|set_texture|download_.*|import_.*|generate_.*"
+    matched = [{"matcher": f"mcp__.*__({names})", "hooks": run}]
+    assert hooks == {"PreToolUse": matched, "PostToolUse": matched, "Stop": [{"hooks": run}]}

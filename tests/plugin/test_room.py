@@ -19,7 +19,7 @@ from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.plan import construction_plan, plan_markdown
 from legoworld.plugin.residuals import SMALLEST_PX
 from legoworld.plugin.room import RoomUnknownError, assign_structures, recover_room, shell_view
-from legoworld.plugin.room_fit import FACES, NORMALS, fit_box, rays, seen_face
+from legoworld.plugin.room_fit import FACES, NORMALS, _best_scales, fit_box, rays, seen_face
 from legoworld.plugin.vanishing_points import UndeterminedError, manhattan_camera
 
 W, H = SIZE
@@ -209,3 +209,28 @@ def test_each_face_looks_outward_along_one_axis():
     outward = {"floor": (0, 0, -1), "ceiling": (0, 0, 1), "left": (-1, 0, 0), "right": (1, 0, 0),
                "far": (0, 1, 0), "near": (0, -1, 0)}  # fmt: skip
     assert dict(zip(FACES, map(tuple, NORMALS.tolist()), strict=True)) == outward
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_best_scale_of_moved_faces_is_what_every_scale_says(seed):
+    """Against counting the rays that leave through an allowed face, scale by scale."""
+    random = np.random.default_rng(seed)
+    towards = random.uniform(0.05, 1, (9, 6))
+    distances = random.uniform(0.5, 3, 6)
+    allowed = random.random((9, 6)) < 0.5
+    moved = [[0], [2, 5], [1, 3]][seed % 3]
+    low, high, best = _best_scales(tuple(moved), distances, towards, allowed, as_well=1)
+
+    def score(scale):
+        scaled = distances.copy()
+        scaled[moved] *= scale
+        return int(allowed[np.arange(9), (scaled / towards).argmin(axis=1)].sum())
+
+    scales = np.geomspace(1e-4, 1e4, 4001)
+    scores = np.array([score(scale) for scale in scales])
+    assert best == scores.max()
+    within = scales[(scales > low) & (scales < high)]
+    assert min(map(score, within)) >= best - 1
+    for end, step in ((low, 0.999), (high, 1.001)):
+        if 1e-4 < end < 1e4:  # else open
+            assert score(end * step) < best - 1
