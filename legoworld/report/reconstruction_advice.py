@@ -177,7 +177,8 @@ def _appearance(row: ReconstructionRow) -> Iterator[tuple[str, str]]:
         "A where it differs",
         f"{_number(seen.where_geometry_differs)} over {seen.n_geometry_differs_px:,} px",
     )
-    yield "A by delta", ", ".join(f"{d}: {a:.3f}" for d, a in seen.curve.items())
+    deltas = sorted(seen.curve, key=int)  # stored in the order of text
+    yield "A by delta", ", ".join(f"{d}: {seen.curve[d]:.3f}" for d in deltas)
     if seen.noise.reference_mean is not None:
         sd = f", sd {seen.noise.reference_sd:.4f}" if seen.noise.reference_sd is not None else ""
         yield "A of the reference itself", f"{seen.noise.reference_mean:.4f}{sd} between seeds"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -166,6 +167,62 @@ def test_checks_flags_objects_and_camera_are_findings(
     worst = min(rows_of(evaluations[0])[4]["objects"], key=lambda o: o["f1"])
     (finding,) = [a for a in shifted.advice if a.what.startswith(f"{worst['name']}:")]
     assert view_of(document, 4).objects[finding.truths[0]].n == worst["name"]
+
+
+def test_what_a_case_s_cell_its_objects_and_its_facts_say(
+    document: PageDocument, evaluations: list[Path]
+) -> None:
+    (section,) = document.sections
+    for side, evaluation in enumerate(evaluations):
+        rows = rows_of(evaluation)
+        for line in section.images:
+            row, view = rows[line.id], view_of(document, line.id)
+            cell, answer = line.cells[side], view.sides[side]
+            assert (cell.status, cell.valid) == (row["status"], row["valid"])
+            assert (row["R"], row["A"], row["S"]) == (cell.R, cell.A, cell.S)
+            assert cell.flags == tuple(sorted({flag["kind"] for flag in row["flags"]}))
+            assert cell.findings == sum(a.level == "bad" for a in answer.advice)
+            assert cell.advice == (answer.advice[0].what if answer.advice else "")
+            assert (line.family, line.tier) == (row["family"], row["tier"])
+            assert line.file_name == view.file_name == row["file_name"]
+            assert document.views[line.view] is view
+            assert line.n_truth == len(view.objects)
+            names = ("f1", "precision", "recall", "eligible", "n_reference", "n_submitted")
+            assert [tuple(getattr(o, n) for n in names) for o in answer.objects] == [
+                tuple(o[n] for n in names) for o in row["objects"]
+            ]
+            facts = dict(answer.facts)
+            assert facts["status"] == row["status"]
+            assert facts["V"] == str(int(row["valid"]))
+            for name in ("R", "A", "S"):
+                assert facts[name] == ("-" if row[name] is None else f"{row[name]:.4f}")
+            for name, value in row["R_at"].items():
+                assert facts[name] == f"{value:.4f}"
+    row, facts = rows_of(evaluations[0])[4], dict(view_of(document, 4).sides[0].facts)
+    seen, moved = row["appearance"], row["camera"]["registration"]
+    assert facts["pixels of A"] == f"{seen['n_hits']:,} of {seen['n_px']:,} within the tolerance"
+    for name, key in (("A where geometry agrees", "agrees"), ("A where it differs", "differs")):
+        over = f"{seen[f'n_geometry_{key}_px']:,} px"
+        assert facts[name] == f"{seen[f'where_geometry_{key}']:.4f} over {over}"
+    assert facts["A by delta"].startswith(f"0: {seen['curve']['0']:.3f}, 5: ")
+    noise = seen["noise"]
+    assert facts["A of the reference itself"] == (
+        f"{noise['reference_mean']:.4f}, sd {noise['reference_sd']:.4f} between seeds"
+    )
+    assert facts["field of view, error"] == f"{row['camera']['fov_deg']:+.3f} degrees"
+    assert facts["surfaces, best rigid fit"] == (
+        f"{moved['rotation_deg']:.2f} degrees, {moved['translation_m']:.3f} m, "
+        f"rms {moved['trimmed_rms_m']:.3f} m"
+    )
+    found = row["diagnostics"]
+    for name in ("R_rigid", "R_median_scale", "voxel_iou_5cm"):
+        assert facts[name.replace("_", " ")] == f"{found[name]:.4f}"
+    assert facts["visible scene"] == f"{found['visible_scene']['f1']:.4f}"
+    surface = next(name for name in facts if name.startswith("surface, "))
+    assert re.fullmatch(r"surface, [\d,]+ bytes", surface)
+    assert re.fullmatch(r"sha256 [0-9a-f]{64}", facts[surface])
+    assert facts["in the scene"] == "0 image textures, 0 drivers, 0 texts"
+    assert dict(view_of(document, 6).sides[0].facts)["in the scene"].endswith("2 drivers, 0 texts")
 
 
 @pytest.fixture(scope="module")
