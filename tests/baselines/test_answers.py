@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 import queue
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,7 @@ from baselines.tracks import FAKE, NAMES_OF_TWO, make_photos, make_track
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from legoworld.baselines import child, conversation
+from legoworld.baselines import baseline_run, child, conversation
 from legoworld.baselines.answers import MOST_LEVELS, Unreadable, read_line
 from legoworld.baselines.baseline_run import summarise
 from legoworld.baselines.cards import chosen_options, load_baseline
@@ -342,3 +343,14 @@ def test_a_baseline_is_told_to_begin_in_the_words_of_its_protocol(monkeypatch):
     monkeypatch.setattr(child.BaselineProcess, "_send", lambda _self, message: sent.append(message))
     process.begin()
     assert sent == [{"begin": True}]
+
+
+def test_each_new_row_is_told_once_and_kept_ones_are_not(tmp_path, monkeypatch):
+    monkeypatch.setattr(baseline_run, "journal", lambda folder: nullcontext(folder))
+    monkeypatch.setattr(baseline_run, "append", lambda stream, record: (stream, record))
+    made = [SimpleNamespace(row=SimpleNamespace(image_id=n)) for n in (5, 2)]
+    told: list[Any] = []
+    request: Any = SimpleNamespace(run=tmp_path)
+    found = baseline_run._write_journal(request, {1: "kept"}, iter(made), told.append)  # type: ignore[dict-item]
+    assert found == {1: (tmp_path, "kept"), 5: (tmp_path, made[0]), 2: (tmp_path, made[1])}
+    assert told == [made[0].row, made[1].row]

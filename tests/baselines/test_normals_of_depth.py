@@ -11,7 +11,7 @@ import pytest
 from evaluation.normals.folders import evaluate, wall, write_truth
 
 from legoworld import cli
-from legoworld.baselines.depth_normals import fitted_normals
+from legoworld.baselines.depth_normals import _FEWEST, fitted_normals
 from legoworld.readouts.depth import write_depth
 from legoworld.visibility.projection import Projection
 
@@ -129,3 +129,14 @@ def test_depth_without_a_camera_or_with_a_sign_is_refused(track, tmp_path, capsy
     assert "point towards the camera" in capsys.readouterr().err
     assert bring(track, tmp_path / "theirs", run, "--unit", "m") == 2
     assert "--unit is for depth that normals are fitted to" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("known", "fitted"), [(_FEWEST, True), (_FEWEST - 1, False)])
+def test_a_pixel_needs_so_many_of_its_surface(known, fitted):
+    """The centre and its nearest neighbours, not all in one line."""
+    z = np.full(SIZE[::-1], np.nan)
+    window = [(dy, dx) for dy in range(-2, 3) for dx in range(-2, 3)]
+    order = sorted(window, key=lambda o: (o[0] ** 2 + o[1] ** 2, o))
+    for dy, dx in order[:known]:
+        z[8 + dy, 10 + dx] = 2.0
+    assert np.isfinite(fitted_normals(1 / z, CAMERA)[8, 10]).all() == fitted

@@ -358,3 +358,23 @@ def test_progress_without_a_terminal_is_lines(monkeypatch, capsys):
     assert capsys.readouterr().err.splitlines() == [
         "1 of 3 scenes, 1 failed, 2 s each", "3 of 3 scenes, 3 failed, 1.3 s each", "warning: odd",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "logged"), [(["-v"], True), ([], False), (["-q"], False), (["-v", "-q"], False)]
+)
+def test_what_a_baseline_logs_is_said_with_v(words, logged, tmp_path, monkeypatch):
+    listeners = []
+    monkeypatch.setattr(
+        "legoworld.api.baselines.baseline_run",
+        lambda *_, listener, **__: listeners.append(listener),
+    )
+    monkeypatch.setattr(baseline_output, "show", lambda *_: 0)
+    for name in ("t.json", "w.pth"):
+        (tmp_path / name).touch()
+    run = ["baseline", "run", "dino", "--task", "coco", "--track", str(tmp_path / "t.json"),
+           "--photos", str(tmp_path), "--weights", str(tmp_path / "w.pth"), "-o",
+           str(tmp_path / "run")]  # fmt: skip
+    assert cli.run([*run, *words]) == 0
+    (listener,) = listeners
+    assert (listener.log == listener.notice) is logged
