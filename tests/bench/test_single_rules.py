@@ -148,8 +148,8 @@ def test_a_family_that_was_lost_has_no_case_and_its_reason():
 
 @pytest.mark.parametrize("tiers", [[None], ["easy", "hard"]])
 def test_cases_are_called_after_their_family_tier_and_view(tiers):
-    blender: Any = None
-    made = family._Family(SimpleNamespace(name="a/b", path=Path("a/b")), options(), blender)  # type: ignore[arg-type]
+    folder: Any = SimpleNamespace(name="a/b", path=Path("a/b"), artefacts=lambda: ["scene.blend"])
+    made = family._Family(folder, options(), None)  # type: ignore[arg-type]
     said: Any = {"tiers": tiers, "views": ["First", "Second"]}
     found = [(one.stem, one.tier, one.view, one.camera) for one in made._list_requests(said)]
     assert found == [
