@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from legoworld.conventions import ALPHA_THRESHOLD, NO_DEPTH, NO_INSTANCE
 from legoworld.errors import CatalogError, InstallationError, cause
-from legoworld.files import Json, sha256_of_file
+from legoworld.files import Json, sha256_of_file, sha256_of_text
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
 from legoworld.shipped import catalog
@@ -115,7 +115,10 @@ def read_card(path: Path, task: str) -> Card:
 
 
 def read_values(path: Path, task: str) -> Card:
-    """Read a card without holding it to anything."""
+    """Read a card without holding it to anything.
+
+    base: the name of a card beside it, whose tables it has where it declares none of the name.
+    """
     file = f"readouts/{path.name}" if path.parent == catalog.folder("readouts") else str(path)
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -126,7 +129,12 @@ def read_values(path: Path, task: str) -> Card:
             expected=f"{file}, a TOML file",
             next_step="install the package that has the task again",
         ) from error
-    return Card(task=task, file=file, sha256=sha256_of_file(path), values=values)
+    sha256 = sha256_of_file(path)
+    if base := values.pop("base", None):
+        below = read_values(path.with_name(f"{base}.toml"), task)
+        values = {**below.values, **values}
+        sha256 = sha256_of_text(f"{sha256} {below.sha256}")
+    return Card(task=task, file=file, sha256=sha256, values=values)
 
 
 def read_toml(kind: type[T], path: Path, *, what: str, expected: str, next_step: str = "") -> T:

@@ -24,6 +24,9 @@ NO_DEPTH: Final = float("inf")
 #: A surface sample whose alpha is below this is not there (Cycles' data passes use the same value).
 ALPHA_THRESHOLD: Final = 0.5
 
+#: How the warning ends that names a material whose alpha cannot be read.
+TAKEN_AS_OPAQUE: Final = "taken as opaque"
+
 #: Confidence of every exported prediction: a scene does not rank what it contains.
 EQUAL_CONFIDENCE: Final = 1.0
 

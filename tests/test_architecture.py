@@ -198,6 +198,7 @@ AT_HOME = {
     "report/provenance.py": "packages",
     "records/bench_dataset.py": "a file's own word for what it is",
     "records/bench_results.py": "a judge's word for what is judged",
+    "records/second_card.py": "a file's own word for what it is",
     "records/formats.py": "a name of a file format",
     "evaluation/reconstruction/articulation_card.py": "a card's own word",
     "commands/bench_command.py": "the command of that name",

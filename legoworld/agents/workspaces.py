@@ -80,6 +80,12 @@ def load_trial_setup(
     plugin: enabled modules, which the prompt then describes.
     """
     track = load_track(track_path)
+    if any(image.probe is not None for image in track.images):
+        raise UsageError(
+            "the track is private: it says where submissions are looked at",
+            found=track_path.name,
+            expected="DATASET/public/track.json",
+        )
     name = task or track.made_for
     if name is None:
         raise UsageError(

@@ -11,18 +11,19 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.bench.family import FamilyMaker, MadeFamily, MakeOptions, lost_family
-from legoworld.bench.halves import PRIVATE, PUBLIC, TRACK, TRUTH, Halves
+from legoworld.bench.halves import PRIVATE, PUBLIC, TRACK, TRUTH, Halves, X
 from legoworld.cards import load_card
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import sha256_of_text, write_text
-from legoworld.records.base import readable
+from legoworld.records.base import as_json, readable, to_record
 from legoworld.records.bench_dataset import (
     BenchImage,
     BenchInfo,
     BenchTrackFile,
     BenchTruthFile,
 )
+from legoworld.records.second_card import BenchXFile, BenchXImage, BenchXInfo
 from legoworld.records.track import CategoryInfo
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import find_scene
@@ -94,7 +95,7 @@ def make_dataset(
     if not any(family.cases for family in made):
         return MadeDataset(families=tuple(made), track=None, truth=None)
     track, truth = _files(made, request.options)
-    _write(track, truth, request.options.output)
+    _write(track, truth, _second_card(track, truth, made), request.options.output)
     return MadeDataset(families=tuple(made), track=track, truth=truth)
 
 
@@ -184,12 +185,34 @@ def _files(
     return track, truth
 
 
-def _write(track: BenchTrackFile, truth: BenchTruthFile, output: Path) -> None:
+def _second_card(
+    track: BenchTrackFile, truth: BenchTruthFile, made: Sequence[MadeFamily]
+) -> BenchXFile:
+    cases = {case.file_name: case for family in made for case in family.cases}
+    images = tuple(
+        to_record(
+            BenchXImage,
+            {**as_json(image), "probe": as_json(case.probe), "x": as_json(case.x)},
+        )
+        for image in track.images
+        for case in (cases[str(image.file_name)],)
+    )
+    info = BenchXInfo(
+        description="LEGO-Bench-X: private, never handed to whoever makes submissions",
+        task="bench-x",
+        card_version=load_card("bench-x").version,
+        track_sha256=truth.track_sha256,
+    )
+    return BenchXFile(info=info, images=images, categories=track.categories)
+
+
+def _write(track: BenchTrackFile, truth: BenchTruthFile, x: BenchXFile, output: Path) -> None:
     """Last of all, so that a dataset that was not finished is none; refused families' go first."""
     halves = Halves(output)
     stems = {Path(str(image.file_name)).stem for image in track.images}
     for path in [*halves.public.rglob("*"), *halves.private.rglob("*")]:
         if path.is_file() and path.stem not in stems:
             path.unlink()
+    write_text(halves.private / X, readable(x))
     write_text(halves.private / TRUTH, readable(truth))
     write_text(halves.public / TRACK, readable(track))

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from msgspec.structs import replace as with_fields
+
 from legoworld.bench.case import CaseRefusedError, SeenCase, reference_joints, see_case
-from legoworld.bench.halves import Halves
+from legoworld.bench.halves import PUBLIC, Halves
 from legoworld.bench.noise import noise_floor
+from legoworld.bench.x_case import XCase, see_x
+from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
-from legoworld.files import Json
+from legoworld.files import Json, sha256_of_text
 from legoworld.readouts.joints import scene_joints
+from legoworld.readouts.probing import second_stand
 from legoworld.readouts.surface import pose_m
 from legoworld.records.base import UNSET
 from legoworld.records.bench_dataset import (
@@ -26,7 +31,9 @@ from legoworld.records.bench_dataset import (
     RenderCard,
     Tier,
 )
+from legoworld.records.probe import Probe
 from legoworld.records.scene_folder import LabelsFile
+from legoworld.records.second_card import XTruth
 from legoworld.running.error_boundary import classify_error
 from legoworld.running.submission import card_render, card_size
 from legoworld.scene.blender_process import BlenderProcess, Limits
@@ -39,7 +46,7 @@ from legoworld.scene.freeze import (
 )
 from legoworld.scene.gltf.buffers import external_files
 from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.instances import group
+from legoworld.scene.instances import Grouping, group
 from legoworld.scene.labels import labels_in, resolve_labels
 from legoworld.scene.open_scene import CardRender, OpenedScene, retry_once
 from legoworld.scene.read_scene import read_hashed_side_file, read_scene
@@ -73,6 +80,17 @@ class MakeOptions:
     notice: Callable[[str], None] | None = None
 
     @property
+    def picture_render(self) -> CardRender:
+        """How the pictures are rendered."""
+        return CardRender(
+            size_wh=self.size_wh,
+            samples=self.picture.samples,
+            seed=self.picture.seed,
+            denoise=self.picture.denoised,
+            threads=self.threads,
+        )
+
+    @property
     def render_s(self) -> float:
         """Seconds that the largest render may take beyond what reading a scene may."""
         card_wh = card_size(self.size_wh, self.card.longest_side_px)
@@ -85,13 +103,15 @@ class MakeOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class MadeCase:
-    """A finished case: its public and its private half."""
+    """A finished case: its public and its private half, and those of the second card."""
 
     file_name: str
     hfov_deg: float
     tier: Tier | None
     view: int
     truth: BenchTruth
+    probe: Probe
+    x: XTruth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,12 +176,17 @@ def family_name(scene: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _CaseRequest:
-    """One case to make. camera: the name of the view's camera."""
+    """One case to make. camera, other: names of the view's camera and of the next view's.
+
+    other_stem: the next view's case; both None in a family of one view.
+    """
 
     stem: str
     tier: Tier | None
     view: int
     camera: str
+    other: str | None
+    other_stem: str | None
 
 
 class _Family:
@@ -188,7 +213,7 @@ class _Family:
             environment=said["environment"],
             theme=said["theme"],
             split=said["split"],
-            cases=tuple(cases),
+            cases=tuple(_with_second_pictures(cases, self._list_requests(said))),
             status="ok",
             reason=None,
         )
@@ -203,11 +228,22 @@ class _Family:
         return str(made), outside
 
     def _list_requests(self, said: DeclaredCases) -> Iterator[_CaseRequest]:
-        family = family_name(self._folder.name)
+        family, cameras = family_name(self._folder.name), said["views"]
         for tier in said["tiers"]:
-            for view, camera in enumerate(said["views"]):
-                words = [family, *([tier] if tier else []), f"view_{view:02d}"]
-                yield _CaseRequest(stem="__".join(words), tier=tier, view=view, camera=camera)
+            stems = [
+                "__".join([family, *([tier] if tier else []), f"view_{view:02d}"])
+                for view in range(len(cameras))
+            ]
+            for view, camera in enumerate(cameras):
+                after = (view + 1) % len(cameras)
+                yield _CaseRequest(
+                    stem=stems[view],
+                    tier=tier,
+                    view=view,
+                    camera=camera,
+                    other=cameras[after] if after != view else None,
+                    other_stem=stems[after] if after != view else None,
+                )
 
     def _case(self, files: FrozenFiles, said: DeclaredCases, wanted: _CaseRequest) -> MadeCase:
         """Save the case as a scene of its own, and read it as any submission is read."""
@@ -246,20 +282,26 @@ class _Family:
         options = self._options
         own = checked_artefacts(folder, require_frozen=False)
         scene = read_scene(folder, source="blend", blender=self._blender, cache=None, files=own)
-        seen, joints = self._see_case(scene.snapshot, files, said)
+        snapshot = scene.snapshot
+        grouping = self._grouping(snapshot, files)
+        seen, joints = self._see_case(snapshot, grouping, said)
         opened = OpenedScene(folder, scene.files, self._blender, options.cache, content=content)
         self._say(f"{wanted.stem}: picture, {options.picture.samples} samples")
-        picture = opened.render(
-            CardRender(
-                size_wh=options.size_wh,
-                samples=options.picture.samples,
-                seed=options.picture.seed,
-                denoise=options.picture.denoised,
-                threads=options.threads,
-            )
-        )
+        picture = opened.render(options.picture_render)
         noise = self._noise(opened, picture)
         hashes = self._halves.write(wanted.stem, picture, seen)
+        secret = int(sha256_of_text(f"{hashes.raster} {scene.snapshot_sha256}"), 16)
+        others = [camera for camera in snapshot.cameras if camera.name == wanted.other]
+        seen_x = see_x(
+            snapshot,
+            grouping,
+            options.size_wh,
+            seen,
+            others[0] if others else None,
+            secret,
+            load_card("bench-x"),
+            threads=options.threads,
+        )
         if options.scenes is not None:
             _keep(folder, self._folder, options.scenes / wanted.stem, picture)
         return MadeCase(
@@ -267,8 +309,10 @@ class _Family:
             hfov_deg=seen.hfov_deg,
             tier=wanted.tier,
             view=wanted.view,
+            probe=seen_x.probe,
+            x=self._write_x(wanted.stem, opened, snapshot, seen, seen_x),
             truth=BenchTruth(
-                camera=_camera(scene.snapshot, seen),
+                camera=_camera(snapshot, seen),
                 sha256=hashes,
                 scored=seen.scored,
                 raster_wh=seen.raster_wh,
@@ -282,11 +326,27 @@ class _Family:
         if self._options.notice is not None:
             self._options.notice(text)
 
-    def _see_case(
-        self, snapshot: Snapshot, files: FrozenFiles, said: DeclaredCases
-    ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
+    def _write_x(
+        self, stem: str, opened: OpenedScene, snapshot: Snapshot, seen: SeenCase, x: XCase
+    ) -> XTruth:
+        """Write the second card's half of a case; a private view is rendered as the picture is."""
+        picture = None
+        if x.private_view and x.probe.view is not None:
+            self._say(f"{stem}: picture of a private view")
+            wanted = replace(
+                self._options.picture_render,
+                stand=second_stand(snapshot, x.probe.view, seen.hfov_deg),
+            )
+            picture = opened.render(wanted)
+        return with_fields(self._halves.write_x(stem, x.arrays, picture), R_empty=x.R_empty)
+
+    def _grouping(self, snapshot: Snapshot, files: FrozenFiles) -> Grouping:
         outside = labels_in(read_hashed_side_file(self._folder, LABELS, LabelsFile, files))
-        grouping = group(snapshot, resolve_labels(snapshot, outside, None, None))
+        return group(snapshot, resolve_labels(snapshot, outside, None, None))
+
+    def _see_case(
+        self, snapshot: Snapshot, grouping: Grouping, said: DeclaredCases
+    ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
         size_wh, unscored = self._options.size_wh, frozenset(said["unscored"])
         seen = see_case(snapshot, grouping, size_wh, unscored, threads=self._options.threads)
         joints, complaints = scene_joints(self._folder, snapshot, said["joints"])
@@ -308,6 +368,20 @@ class _Family:
             self._say(f"{opened.folder.name}: render {number} of {len(seeds)} for A's noise floor")
             renders.append(opened.render(card_render(options.card, size_wh, seed, options.threads)))
         return noise_floor(tuple(seeds), renders, picture, options.delta) if renders else None
+
+
+def _with_second_pictures(
+    cases: Sequence[MadeCase], wanted: Iterable[_CaseRequest]
+) -> Iterator[MadeCase]:
+    """The cases, each with the picture of the next view where that is its second one."""
+    pictures = {case.file_name: case.truth.sha256.reference for case in cases}
+    for case, asked in zip(cases, wanted, strict=True):
+        if asked.other_stem is None or case.probe.view is None or case.x.picture is not None:
+            yield case
+            continue
+        name = f"{asked.other_stem}.png"
+        seen = with_fields(case.x, picture=f"{PUBLIC}/images/{name}", picture_sha256=pictures[name])
+        yield replace(case, x=seen)
 
 
 def _content(files: FrozenFiles, read: str) -> dict[str, Any]:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
+
+from numpy.typing import NDArray
 
 from legoworld.files import atomic_path, sha256_of_file, write_npz
 from legoworld.records.bench_dataset import BenchHashes
+from legoworld.records.second_card import XTruth
 
 if TYPE_CHECKING:
     from legoworld.bench.case import SeenCase
 
 TRACK: Final = "track.json"
 TRUTH: Final = "truth.json"
+#: The second card's track and truth.
+X: Final = "x.json"
 PUBLIC: Final = "public"
 PRIVATE: Final = "private"
 
@@ -49,4 +55,20 @@ class Halves:
             depth=sha256_of_file(depth),
             instances=sha256_of_file(instances),
             raster=sha256_of_file(raster),
+        )
+
+    def write_x(
+        self, stem: str, arrays: Mapping[str, NDArray[Any]], picture: bytes | None
+    ) -> XTruth:
+        """Write what the second card's probe sees of a case; its record, R_empty still 0."""
+        path, shown = self.private / "x" / f"{stem}.npz", self.private / "x" / f"{stem}.png"
+        write_npz(path, arrays)
+        if picture is not None:
+            with atomic_path(shown) as temporary:
+                temporary.write_bytes(picture)
+        return XTruth(
+            R_empty=0.0,
+            arrays_sha256=sha256_of_file(path),
+            picture=None if picture is None else f"{PRIVATE}/x/{stem}.png",
+            picture_sha256=None if picture is None else sha256_of_file(shown),
         )

@@ -30,7 +30,8 @@ from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.reconstruction import Means
 from legoworld.tables.files import FORMATS
 from legoworld.tables.table import Cell, Number, Table, table
-from legoworld.tasks.shipped import BENCH
+from legoworld.tasks.registry import find_family
+from legoworld.tasks.shipped import RECONSTRUCTION
 
 DOCUMENT: Final = "leaderboard.json"
 FILES: Final = (
@@ -45,7 +46,7 @@ def read_entries(evaluations: Sequence[Path]) -> list[StoredEvaluation]:
     """Bench evaluations of one dataset, card and sampling. UsageError, IncomparableError."""
     sides = [read_evaluation(folder) for folder in evaluations]
     for side in sides:
-        if side.task != BENCH:
+        if find_family(side.task) is not RECONSTRUCTION:
             raise UsageError(
                 f"{side.folder.name} is no evaluation of a bench",
                 found=f"task {side.task!r}",
@@ -72,7 +73,7 @@ def leaderboard(
         by_maker.setdefault(_maker(side), []).append(side)
     rows = [_row(maker, runs, draws, seed) for maker, runs in by_maker.items()]
     return Leaderboard(
-        task=BENCH,
+        task=sides[0].task,
         evaluator=sides[0].summary.evaluator,
         draws=draws,
         seed=seed,
@@ -104,14 +105,21 @@ def write_leaderboard(folder: Path, board: Leaderboard, *, overwrite: bool) -> N
 
 def wide_table(board: Leaderboard, *, every_group: bool = True) -> Table:
     """A line for each agent, model and group, in percent: mean (sd) over runs."""
+    shown = shown_metrics(board)
     rows: list[tuple[Cell, ...]] = [
         (row.agent, row.model, len(row.evaluations), _group_name(group), group.cases,
-         *(_percent(group.metrics[name]) for name in _SHOWN))
+         *(_percent(group.metrics[name]) for name in shown))
         for row in board.rows
         for group in (row.groups if every_group else row.groups[:1])
     ]  # fmt: skip
-    header = ("agent", "model", "runs", "group", "cases", *(n.replace("_", " ") for n in _SHOWN))
+    header = ("agent", "model", "runs", "group", "cases", *(n.replace("_", " ") for n in shown))
     return table(header, rows, notes=_notes(board))
+
+
+def shown_metrics(board: Leaderboard) -> tuple[str, ...]:
+    """The metrics of a wide table: both cards' where the evaluations are of bench-x."""
+    known = board.rows[0].groups[0].metrics
+    return (*_SHOWN, *(name for name in means.SECOND if name in known))
 
 
 def long_table(board: Leaderboard) -> Table:
@@ -212,7 +220,9 @@ def _with_intervals(
         return group
     known = [name for name, found in group.metrics.items() if found.over == "attempted"]
     metrics = dict(group.metrics)
-    for measure in means.headline([n for n in known if n not in _SHOWN]):
+    others = [n for n in known if n not in (*_SHOWN, *means.SECOND)]
+    second = means.SECOND[0] in known
+    for measure in means.headline(others, second=second):
         if measure.name not in known or metrics[measure.name].mean is None:
             continue
         samples = []

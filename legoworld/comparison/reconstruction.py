@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.cards import load_card
 from legoworld.comparison.family import ComparisonFamily, Measurer
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, Measure, Measures, Metric
 from legoworld.evaluation.reconstruction import means
@@ -21,10 +22,10 @@ UNIT: Final = "family"
 _HEADLINE: Final = ("V", "R", "A", "S")
 
 
-def bench_metrics() -> list[Metric]:
-    """V, R, A, S, then F at the other tolerances."""
+def bench_metrics(task: str) -> list[Metric]:
+    """V, R, A, S, then F at the other tolerances, then the second card's of a task that has one."""
     found = []
-    for measure in _measures():
+    for measure in _measures(task):
         level: Level = HEADLINE if measure.name in _HEADLINE else EVERYTHING
         found.append(Metric(id=measure.name, policy="-", better="higher", level=level))
     return found
@@ -44,14 +45,16 @@ def measure_bench(
     rows = _kept(side, kept)
     return {
         measure.name: _mean(measure, rows, shared)
-        for measure in _measures()
+        for measure in _measures(side.task)
         if images == "attempted" or measure.name != "V"
     }
 
 
-def _measures() -> list[means.Measure]:
+def _measures(task: str) -> list[means.Measure]:
     """Those over all attempted cases; what a conditional mean says, the paired images say."""
-    known = means.headline([tolerance.name for tolerance in bench_protocol().others])
+    protocol = bench_protocol(load_card(task))
+    names = [tolerance.name for tolerance in protocol.others]
+    known = means.headline(names, second=protocol.x is not None)
     return [measure for measure in known if measure.over == "attempted"]
 
 
@@ -98,7 +101,7 @@ def _measurer(
 
 
 COMPARISON: Final = ComparisonFamily(
-    metrics=lambda _task: bench_metrics(),
+    metrics=bench_metrics,
     unit=lambda _side: UNIT,
     measurer=_measurer,
     differences=_differences,

@@ -62,7 +62,7 @@ def visible_surface(
     raster_wh = raster_size(size_wh)
     camera = snapshot.camera
     pinhole = picture_projection(
-        size_wh, hfov_deg, z_near=_nearest(camera), z_far=camera.clip_end
+        size_wh, hfov_deg, z_near=nearest_clip(camera), z_far=camera.clip_end
     )  # fmt: skip
     seen = on_raster(pinhole, size_wh, raster_wh)
     buffers = surfaces_through(seen, snapshot, raster_wh, threads=threads)
@@ -81,7 +81,7 @@ def visible_surface(
     )
 
 
-def _nearest(camera: SceneCamera) -> float:
+def nearest_clip(camera: SceneCamera) -> float:
     """An orthographic camera may begin to see behind itself; a pinhole cannot."""
     return camera.clip_start if camera.type == "PERSP" else max(camera.clip_start, _NEAREST)
 

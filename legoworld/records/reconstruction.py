@@ -25,6 +25,7 @@ from legoworld.records.evidence import (
     RecordFamily,
     ScoreConfiguration,
 )
+from legoworld.records.second_card import XScores
 from legoworld.records.submission import Check
 
 #: Statuses of submissions that were compared; of every other one V, R, A and S are 0.
@@ -40,6 +41,11 @@ FlagKind = Literal[
     "drivers",
     "appearance_without_geometry",
     "view_drop",
+    "sub_pixel_surface",
+    "one_view_geometry",
+    "one_view_appearance",
+    "surface_not_in_picture",
+    "picture_like_reference",
 ]
 
 
@@ -143,7 +149,7 @@ class ReconstructionRow(EvaluationRow, frozen=True, kw_only=True):
 
     run_status: the readout's. R and A are null where they were not asked for (A without a render),
     S then too. validity: each check, null where the readout recorded none. articulation: left out
-    where the reference has no joint.
+    where the reference has no joint, x where the task is not bench-x.
     """
 
     code: str | None
@@ -169,6 +175,7 @@ class ReconstructionRow(EvaluationRow, frozen=True, kw_only=True):
     appearance: Appearance | None
     flags: tuple[Flag, ...]
     articulation: Articulation | UnsetType = UNSET
+    x: XScores | UnsetType = UNSET
 
     @property
     def has_score(self) -> bool:

@@ -11,6 +11,7 @@ from legoworld.records.bench_dataset import SceneJoint
 from legoworld.records.evaluation_rows import ImageRow
 from legoworld.records.submission import (
     Integrity,
+    ProbedFile,
     RenderFile,
     SubmittedCamera,
     SurfaceFile,
@@ -151,9 +152,11 @@ class RunRow(RunImage, frozen=True, kw_only=True):
     render: RenderFile | UnsetType = UNSET
     integrity: Integrity | UnsetType = UNSET
     joints: tuple[SceneJoint, ...] | UnsetType = UNSET
+    probe: ProbedFile | UnsetType = UNSET
 
     @property
     def files(self) -> list[DepthFile | WrittenFile]:
         """The files of its own that the row has, besides predictions."""
-        files = (self.depth, self.normals, self.answer, self.surface, self.render)
+        seen = self.probe.render if self.probe else None
+        files = (self.depth, self.normals, self.answer, self.surface, self.render, self.probe, seen)
         return [file for file in files if file]

@@ -98,6 +98,19 @@ class RenderFile(WrittenFile, frozen=True, kw_only=True):
     noise: RenderNoise | None
 
 
+class ProbedFile(WrittenFile, frozen=True, kw_only=True):
+    """What a private probe sees of a submission, `records.second_card` says what the file holds.
+
+    render: of the second view, null without one; surface_differs: share of the raster where the
+    first sample of Cycles' own render meets another surface than the kernel, null where nothing
+    was rendered; unreadable_alpha: materials whose alpha the kernel took as opaque.
+    """
+
+    render: RenderFile | None
+    surface_differs: float | None
+    unreadable_alpha: int
+
+
 class ImageTexture(Record, frozen=True, kw_only=True):
     """An image that the scene holds.
 
@@ -162,7 +175,7 @@ class BenchRow(Record, frozen=True, kw_only=True):
     status: ok where surface and render (unless --no-render) were made, whatever V says; otherwise
     why not, with code and reason. A row that is not ok still says what of V was found.
     surface, render, camera and integrity are left out where they could not be made, joints where
-    the scene has none.
+    the scene has none, probe where none was asked for.
     """
 
     image_id: int
@@ -180,6 +193,7 @@ class BenchRow(Record, frozen=True, kw_only=True):
     render: RenderFile | UnsetType = UNSET
     integrity: Integrity | UnsetType = UNSET
     joints: tuple[SceneJoint, ...] | UnsetType = UNSET
+    probe: ProbedFile | UnsetType = UNSET
     files_sha256: str | UnsetType = UNSET
     snapshot_sha256: str | UnsetType = UNSET
     frozen: str | UnsetType = UNSET

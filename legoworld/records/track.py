@@ -7,6 +7,7 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.probe import Probe
 
 Box = tuple[int | float, int | float, int | float, int | float]
 Which = Literal["", "leftmost", "rightmost", "closest", "farthest"]
@@ -75,7 +76,7 @@ PRIVATE_KEYS: Final = Private.__struct_fields__
 
 
 class ImageInfo(Private, frozen=True, kw_only=True):
-    """One photo. LVIS v1 names it by coco_url alone; hfov_deg: of a bench's."""
+    """One photo. LVIS v1 names it by coco_url alone; hfov_deg: a bench's, probe: private."""
 
     id: Id
     width: Pixels
@@ -83,6 +84,7 @@ class ImageInfo(Private, frozen=True, kw_only=True):
     file_name: str | UnsetType = UNSET
     coco_url: str | UnsetType | None = UNSET
     hfov_deg: Annotated[float, Meta(gt=0, lt=180)] | UnsetType = UNSET
+    probe: Probe | UnsetType = UNSET
 
 
 class CategoryInfo(Record, frozen=True, kw_only=True):

@@ -47,6 +47,7 @@ from legoworld.report.reconstruction_tables import (
     first_of_bench,
     flag_tables,
     leaderboard_table,
+    second_card_tables,
 )
 from legoworld.report.sources import Section
 
@@ -111,7 +112,11 @@ def bench_section(
     return replace(
         made,
         first=first_of_bench(made.first, section, tables.board),
-        overview=(leaderboard_table(tables), *flag_tables(section)),
+        overview=(
+            leaderboard_table(tables),
+            *second_card_tables(tables),
+            *flag_tables(section),
+        ),
         numbers=(by_group, *made.numbers),
         images=in_order(rows),
         names={str(k): name for name, k in bench.ids.items()},

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from legoworld.comparison.leaderboard import leaderboard
 from legoworld.comparison.provenance import NOT_RECORDED
+from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.text import noise_floor
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
@@ -157,6 +158,28 @@ def leaderboard_table(tables: BenchTables) -> Table:
         "interval over two families or more; sd: the standard deviation over runs."
     )
     return table(header, rows, notes=[*filter(None, (note, tables.noise_floor))])
+
+
+def second_card_tables(tables: BenchTables) -> list[Table]:
+    """Both cards side by side, where the evaluations are of bench-x."""
+    if means.SECOND[0] not in tables.board.rows[0].groups[0].metrics:
+        return []
+    shown = ("R", "A", "S", *means.SECOND)
+    rows: list[list[Cell]] = [
+        [
+            Text(text=row.agent, below="" if row.model == NOT_RECORDED else row.model),
+            *(_repeated(row.groups[0].metrics[name]) for name in shown),
+        ]
+        for row in tables.board.rows
+    ]
+    note = (
+        "Over all attempted cases. R, A and S are LEGO-Bench's; the others are of bench-x, and in "
+        "no score: R_p of moved samples, R_x and A_x of a second view, F3D and found of whole "
+        "objects, R_empty of the reference without its objects, "
+        "R_above_empty = (R - R_empty) / (1 - R_empty)."
+    )
+    header = ("agent and model", *(name.replace("_", " ") for name in shown))
+    return [table(header, rows, title="Both cards", notes=[note])]
 
 
 def _repeated(found: Repeated) -> Number:

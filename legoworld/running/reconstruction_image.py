@@ -18,6 +18,7 @@ from legoworld.running.image_record import (
     initial_row,
     record_failure,
 )
+from legoworld.running.probed_submission import read_probe
 from legoworld.running.shared_scene import SharedScene
 from legoworld.running.submission import (
     BenchRules,
@@ -67,6 +68,18 @@ def read_submission(
         )
         if rules.card is not None:
             row = read_render(row, opened, rules.card, rules, options.run, options.threads)
+        if rules.probed and image.probe is not None:
+            row = read_probe(
+                row,
+                scene.snapshot,
+                surface,
+                image.hfov_deg,
+                image.probe,
+                opened,
+                rules,
+                options.run,
+                options.threads,
+            )
         provenance = read_hashed_side_file(folder, PROVENANCE, ProvenanceFile, scene.files)
     except LegoWorldError as error:
         return record_failure(row, error)

@@ -60,7 +60,9 @@ _FAILS: Final = {
 class BenchRules:
     """What a submission is read by.
 
-    card: None without a render; noise: render two seeds; facts: look for what may be a picture.
+    card: None without a render; noise: render two seeds; facts: look for what may be a picture;
+    probed: whether images have private probes; disagreement: share of depth that Cycles' surface
+    may be off the kernel's.
     """
 
     card: RenderCard | None
@@ -70,6 +72,8 @@ class BenchRules:
     plane_min_share: float
     thumbnail_wh: tuple[int, int]
     facts: bool = True
+    probed: bool = False
+    disagreement: float = 0.0
 
     def to_record(self) -> BenchReading:
         """What of it a run's configuration has on record."""
@@ -87,6 +91,8 @@ def bench_rules(card: Card, *, render: bool, noise: bool, facts: bool = True) ->
         plane_min_share=card.value("integrity.plane_min_share"),
         thumbnail_wh=(width, height),
         facts=facts,
+        probed="x" in card.values,
+        disagreement=card.value("scoring.tolerance"),
     )
 
 
@@ -251,16 +257,23 @@ def read_render(
     size_wh = card_size(row.size_wh, card.longest_side_px)
     seeds = (card.seed, card.seed + 1)[: 2 if rules.noise else 1]
     pictures = [opened.render(card_render(card, size_wh, seed, threads)) for seed in seeds]
-    name = render_file(row.scene)
+    file = write_render(run, render_file(row.scene), pictures[0], size_wh, card)
+    noise = _noise(pictures, card, rules.delta) if rules.noise else None
+    return replace(row, render=replace(file, noise=noise))
+
+
+def write_render(
+    run: Path, name: str, png: bytes, size_wh: tuple[int, int], card: RenderCard
+) -> RenderFile:
+    """Write a picture by the card into the run folder; how a row describes it."""
     with atomic_path(run / name) as temporary:
-        temporary.write_bytes(pictures[0])
-    file = RenderFile(
+        temporary.write_bytes(png)
+    return RenderFile(
         **field_values(describe_file(run, name)),
         size_wh=size_wh,
         card_sha256=sha256_of_text(canonical(card)),
-        noise=_noise(pictures, card, rules.delta) if rules.noise else None,
+        noise=None,
     )
-    return replace(row, render=file)
 
 
 def card_render(
@@ -316,7 +329,15 @@ def _sum_up(summary: RunSummary, rows: Sequence[RunRow], _ok: Sequence[RunRow]) 
 def _rules(card: Card, track: Track, source: str, given: Mapping[str, bool]) -> BenchRules:
     _refuse_what_a_bench_lacks(track, source)
     render, noise = given.get("render", True), given.get("render_noise", False)
-    return bench_rules(card, render=render, noise=noise)
+    rules = bench_rules(card, render=render, noise=noise)
+    if rules.probed and any(image.probe is None for image in track.images):
+        raise UsageError(
+            "the track has no private probes",
+            found="a public track",
+            expected="DATASET/private/x.json",
+            next_step="pass it with --track; `legoworld bench make` writes it",
+        )
+    return rules
 
 
 def _refuse_what_a_bench_lacks(images: Track, source: str) -> None:

@@ -18,24 +18,30 @@ from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, SceneFolder
 from legoworld.scene.freeze import FrozenFiles
-from legoworld.scene.requests import CardRequest, Request
+from legoworld.scene.requests import CardRequest, Request, StandRequest
 
 T = TypeVar("T")
 #: Raised whenever what `facts` answers changes.
 _FACTS: Final = 2
+#: Raised whenever what `depth` answers changes.
+_DEPTH: Final = 1
 #: A Blender process that ended while it was asked.
 LOST: Final = (WorkerCrashedError, WorkerMemoryError)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CardRender:
-    """How a picture is rendered, apart from the scene. threads: 0 for all; changes no byte."""
+    """How a picture is rendered, apart from the scene. threads: 0 for all; changes no byte.
+
+    stand: where the camera is put before; None where it stays.
+    """
 
     size_wh: tuple[int, int]
     samples: int
     seed: int
     denoise: bool
     threads: int = 0
+    stand: StandRequest | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +83,7 @@ class OpenedScene:
         Raises the verdicts of `errors`.
         """
         card = card_request(wanted)
-        stored = self._entry("render", vars(replace(wanted, threads=0)), ".png")
+        stored = self._entry("render", _question(wanted), ".png")
         if stored is not None and stored.is_file():
             return stored.read_bytes()
         output = self._blender.workspace("legoworld-render-") / "render.png"
@@ -88,6 +94,21 @@ class OpenedScene:
             with atomic_path(stored) as temporary:
                 temporary.write_bytes(png)
         return png
+
+    def depth(self, wanted: CardRender) -> NDArray[np.float32]:
+        """(H, W) what Cycles meets in the first sample of that render; see `card_depth`."""
+        card = card_request(wanted)
+        path = self._entry("depth", {**_question(wanted), "version": _DEPTH}, ".npz")
+        if path is None or not path.is_file():
+            output = self._blender.workspace("legoworld-render-") / "depth.npz"
+            self._ask({"kind": "card_depth", "output": str(output), "card": card})
+            if path is None:
+                path = output
+            else:
+                with atomic_path(path) as temporary:
+                    temporary.write_bytes(output.read_bytes())
+        with np.load(path) as arrays:
+            return np.asarray(arrays["depth_z"], np.float32)
 
     def facts(self, thumbnail_wh: tuple[int, int]) -> SceneFacts:
         """What the .blend holds besides geometry. Raises the verdicts of `errors`."""
@@ -121,7 +142,12 @@ class OpenedScene:
 
 def card_request(wanted: CardRender) -> CardRequest:
     """A card as the Blender process is given it."""
-    return cast("CardRequest", vars(wanted))
+    return cast("CardRequest", {k: v for k, v in vars(wanted).items() if v is not None})
+
+
+def _question(wanted: CardRender) -> dict[str, Json]:
+    """What of a card an answer depends on."""
+    return cast("dict[str, Json]", card_request(replace(wanted, threads=0)))
 
 
 def retry_once(ask: Callable[[], T]) -> T:

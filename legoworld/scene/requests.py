@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, Required, TypedDict
+from typing import TYPE_CHECKING, Literal, NotRequired, Required, TypedDict
 
 if TYPE_CHECKING:
     from legoworld.records.bench_dataset import Tier
 
 
 class CardRequest(TypedDict):
-    """How a picture is rendered, apart from the scene. threads: 0 for all."""
+    """How a picture is rendered, apart from the scene. threads: 0 for all.
+
+    stand: where the camera is put before, left out where it stays.
+    """
 
     size_wh: Sequence[int]
     samples: int
     seed: int
     denoise: bool
     threads: int
+    stand: NotRequired[StandRequest]
+
+
+class StandRequest(TypedDict):
+    """Another pose of the active camera: (3, 4) rows in scene units, OpenCV axes.
+
+    zoom: what its focal length is multiplied by.
+    """
+
+    world_from_camera: Sequence[Sequence[float]]
+    zoom: float
 
 
 class CaseRequest(TypedDict):
@@ -53,8 +67,8 @@ class Request(TypedDict, total=False):
 
     kind: Required[
         Literal[
-            "version", "snapshot", "state", "check", "picture", "card_render", "facts", "cases",
-            "case", "usd", "import", "import_glb",
+            "version", "snapshot", "state", "check", "picture", "card_render", "card_depth",
+            "facts", "cases", "case", "usd", "import", "import_glb",
         ]
     ]  # fmt: skip
     blend: str

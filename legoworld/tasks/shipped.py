@@ -319,6 +319,14 @@ TASKS: Final = (
             "scoring.failed_image": "zero",
         },
     ),
+    Task(
+        name="bench-x",
+        family=RECONSTRUCTION,
+        dataset=Dataset(name="bench"),
+        title="LEGO-Bench-X",
+        noun="Scenes",
+        fixed={"readout.reads": "surface_and_render", "x.offset": "private"},
+    ),
 )
 
 #: The shipped tasks, for type checkers and completion; packages add others. A metric of the first
@@ -335,6 +343,7 @@ NumberTask = Literal[
     "ade20k-semantic",
     "cityscapes-semantic",
     "bench",
+    "bench-x",
 ]
 PolicyTask = Literal["eth3d", "normals", "relations"]
 TaskName = Literal[NumberTask, PolicyTask]

@@ -11,6 +11,7 @@ from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
 from legoworld.records.folders.folder_kind import folder_of_other_kind
+from legoworld.records.probe import Probe
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, Question, TrackFile
 from legoworld.remote import Place, folders_holding
@@ -26,7 +27,7 @@ _BESIDE_A_SCENE = ("final.png", "scene.py", "labels.json", "provenance.json", "f
 class TrackImage:
     """One photo of a track. scene: its scene folder's path below SCENES, "/"-separated.
 
-    hfov_deg: horizontal field of view, where the track tells it.
+    hfov_deg: horizontal field of view, where the track tells it; probe: of a private track.
     """
 
     id: int
@@ -34,6 +35,7 @@ class TrackImage:
     size_wh: tuple[int, int] | None  # None: the scene's own render size
     scene: str
     hfov_deg: float | None = None
+    probe: Probe | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +161,7 @@ def _image(info: ImageInfo, source: str) -> TrackImage:
         size_wh=(info.width, info.height),
         scene=scene_name(name),
         hfov_deg=None if info.hfov_deg is UNSET else info.hfov_deg,
+        probe=None if info.probe is UNSET else info.probe,
     )
 
 

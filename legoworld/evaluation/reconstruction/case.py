@@ -22,6 +22,11 @@ from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Flags, finite_points
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
+from legoworld.evaluation.reconstruction.second_card import (
+    second_flags,
+    second_scores,
+    zero_scores,
+)
 from legoworld.evaluation.reconstruction.submission import Surface, load_render, load_surface
 from legoworld.records.base import UNSET
 from legoworld.records.reconstruction import (
@@ -31,12 +36,13 @@ from legoworld.records.reconstruction import (
     NoiseBeside,
     ReconstructionRow,
 )
+from legoworld.records.second_card import BenchXImage
 from legoworld.records.submission import BenchRow, Check, RenderFile, Validity
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaseTask:
-    """One case to score. run: the run's folder."""
+    """One case to score. run: the run's folder; x: the second card's half, None without one."""
 
     run: Path
     row: BenchRow
@@ -44,6 +50,7 @@ class CaseTask:
     folders: BenchFolders
     protocol: BenchProtocol
     choices: Choices
+    x: BenchXImage | None = None
 
 
 def score_case(task: CaseTask) -> ReconstructionRow:
@@ -61,7 +68,11 @@ def score_case(task: CaseTask) -> ReconstructionRow:
         render = None if row.render is UNSET else load_render(task.run, row.render)
     except SubmissionFileError as error:
         return replace(zeros, status="changed", code=error.code, reason=str(error))
-    return _score_compared(task, zeros, reference, surface, render)
+    compared = _score_compared(task, zeros, reference, surface, render)
+    try:
+        return _with_second_card(task, compared, surface)
+    except SubmissionFileError as error:
+        return replace(zeros, status="changed", code=error.code, reason=str(error))
 
 
 def zero_row(task: CaseTask) -> ReconstructionRow:
@@ -95,7 +106,32 @@ def zero_row(task: CaseTask) -> ReconstructionRow:
         appearance=None,
         flags=(),
         articulation=not_valid(task.case),
+        x=UNSET if task.x is None else zero_scores(task.x),
     )
+
+
+def _with_second_card(
+    task: CaseTask, row: ReconstructionRow, surface: Surface
+) -> ReconstructionRow:
+    """The row with the numbers and flags of bench-x, where that is the task."""
+    if task.x is None or not row.valid or row.R is None:
+        return row
+    if task.row.probe is UNSET:
+        raise SubmissionFileError(
+            "the run made no probe", found="none", expected="probe/<name>.npz"
+        )
+    rules = task.protocol.x
+    assert rules is not None
+    scores = second_scores(
+        task.run, task.row.probe, task.folders, task.case, task.x, task.protocol, row.R
+    )
+    flags = [*row.flags, *second_flags(scores, row.R, row.A, rules)]
+    if len(surface.textures) and task.row.integrity is not UNSET:
+        height, width = surface.textures.shape[1:3]
+        picture = _reference_picture(task, (width, height))
+        facts = task.row.integrity
+        flags += integrity.scale_flags(facts, surface.textures, picture, rules.scales)
+    return replace(row, x=scores, flags=tuple(flags))
 
 
 def _checks(validity: Validity) -> dict[str, Check]:

@@ -13,7 +13,7 @@ from legoworld.errors import one_line
 from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case, zero_row
 from legoworld.evaluation.reconstruction.errors import BenchTruthError, BenchUnseenError
-from legoworld.records.base import UNSET
+from legoworld.evaluation.reconstruction.submission import row_files
 from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow
 from legoworld.workers.tasks import WorkerPool, map_items
 
@@ -42,7 +42,7 @@ def seen_tasks(tasks: Sequence[CaseTask]) -> list[SeenTask]:
     listed = []
     for task in tasks:
         row, case, folders = task.row, task.case, task.folders
-        named = [task.run / f.file for f in (row.surface, row.render) if f is not UNSET]
+        named = [task.run / f.file for f in row_files(row)]
         paths = [*named, folders.arrays("raster", case), folders.reference(case)]
         sizes = {path: path.stat().st_size for path in paths if path.is_file()}
         listed.append(SeenTask(task=task, sizes_bytes=sizes))

@@ -81,9 +81,9 @@ class BenchDataset:
 
 def read_dataset(private: Path) -> BenchDataset:
     """Read truth.json and the track beside it. BenchTruthError when the halves are not one's."""
-    truth = _record(BenchTruthFile, private / TRUTH, "DATASET/private, with truth.json in it")
+    truth = read_record(BenchTruthFile, private / TRUTH, "DATASET/private, with truth.json in it")
     folders = BenchFolders(private=private)
-    track = _record(
+    track = read_record(
         BenchTrackFile,
         folders.track,
         "DATASET/public beside DATASET/private, as `bench make` wrote",
@@ -107,20 +107,31 @@ def read_dataset(private: Path) -> BenchDataset:
     return BenchDataset(folders=folders, truth=truth, track_sha256=digest, cases=cases)
 
 
-def check_run(dataset: BenchDataset, name: str, track_sha256: str | None, ids: list[int]) -> None:
-    """BenchTruthError when a run is of another track than the dataset's."""
+def check_run(
+    dataset: BenchDataset,
+    name: str,
+    track_sha256: str | None,
+    ids: list[int],
+    second_sha256: str | None = None,
+) -> None:
+    """BenchTruthError when a run is of another track than the dataset's.
+
+    second_sha256: of the second card's track, where the run is of that.
+    """
     strangers = [i for i in ids if i not in dataset.cases]
-    if track_sha256 == dataset.track_sha256 and not strangers:
+    expected = second_sha256 or dataset.track_sha256
+    if track_sha256 == expected and not strangers:
         return
     raise BenchTruthError(
         f"the run in {name} is of another dataset",
         found=f"track {str(track_sha256)[:12]}" + (f", image {strangers[0]}" if strangers else ""),
-        expected=f"track {dataset.track_sha256[:12]}",
+        expected=f"track {expected[:12]}",
         next_step="pass the private half of the dataset whose public half the readout was given",
     )
 
 
-def _record(kind: type[T], path: Path, expected: str) -> T:
+def read_record(kind: type[T], path: Path, expected: str) -> T:
+    """A file of a half as its record. BenchTruthError."""
     try:
         return decode(kind, path.read_bytes())
     except (OSError, RecordError, LegoWorldError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from legoworld.cards import load_card
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
@@ -18,6 +19,7 @@ from legoworld.evaluation.reconstruction.dataset import (
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
 from legoworld.evaluation.reconstruction.reference import check_sampling
+from legoworld.evaluation.reconstruction.second_card import SecondCard, X, read_second_card
 from legoworld.evaluation.reconstruction.submission import BenchRun, list_files, read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.evaluation.run import run_view
@@ -55,20 +57,23 @@ def evaluate_bench(
     bytes. progress: told of each row in the cases' order. Raises before scoring when run, dataset,
     options and output do not go together; what is wrong with one submission is that case's row.
     """
-    protocol, choices = bench_protocol(), choices or Choices()
+    choices = choices or Choices()
     check_sampling(choices.sampling)
     check_draws(draws, seed)
     run, truth = run.absolute(), truth.absolute()
     dataset, bench_run = read_dataset(truth), read_bench_run(run)
+    protocol = bench_protocol(load_card(bench_run.run.task))
+    second = second_card(dataset, protocol)
     ids = [row.image_id for row in bench_run.rows]
-    check_run(dataset, run.name, bench_run.run.configuration.track_sha256 or None, ids)
+    track_sha256 = bench_run.run.configuration.track_sha256 or None
+    check_run(dataset, run.name, track_sha256, ids, second.sha256 if second else None)
     configuration = _configuration(protocol, choices, draws, seed)
-    files = _inputs(bench_run, dataset, choices)
+    files = [*_inputs(bench_run, dataset, choices), *_second_inputs(bench_run, dataset, second)]
     inputs = prepared_inputs(
         output, files, configuration, run=run, origins=origins, overwrite=overwrite
     )
     rows: list[ReconstructionRow] = []
-    tasks = case_tasks(bench_run, dataset, protocol, choices)
+    tasks = case_tasks(bench_run, dataset, protocol, choices, second)
     for row in scored_cases(seen_tasks(tasks), pool):
         rows.append(row)
         if progress is not None:
@@ -102,8 +107,19 @@ def evaluate_bench(
     return summary
 
 
+def second_card(dataset: BenchDataset, protocol: BenchProtocol) -> SecondCard | None:
+    """The second card's half of a dataset, None where the protocol has none. BenchTruthError."""
+    if protocol.x is None:
+        return None
+    return read_second_card(dataset.folders, dataset.track_sha256)
+
+
 def case_tasks(
-    run: BenchRun, dataset: BenchDataset, protocol: BenchProtocol, choices: Choices
+    run: BenchRun,
+    dataset: BenchDataset,
+    protocol: BenchProtocol,
+    choices: Choices,
+    second: SecondCard | None,
 ) -> list[CaseTask]:
     """One task for each case of the run, ascending image id."""
     return [
@@ -114,6 +130,7 @@ def case_tasks(
             folders=dataset.folders,
             protocol=protocol,
             choices=choices,
+            x=second.images[row.image_id] if second else None,
         )
         for row in run.rows
     ]
@@ -144,6 +161,20 @@ def _configuration(
         draws=draws,
         seed=seed,
     )
+
+
+def _second_inputs(
+    run: BenchRun, dataset: BenchDataset, second: SecondCard | None
+) -> list[tuple[str, Path]]:
+    if second is None:
+        return []
+    folders = dataset.folders
+    paths = [("truth", folders.private / X)]
+    for row in run.rows:
+        paths += [("truth_arrays", folders.arrays("x", dataset.cases[row.image_id]))]
+        if picture := second.images[row.image_id].x.picture:
+            paths += [("reference", folders.private.parent / picture)]
+    return list(dict.fromkeys((role, path) for role, path in paths if path.is_file()))
 
 
 def _inputs(run: BenchRun, dataset: BenchDataset, choices: Choices) -> list[tuple[str, Path]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -53,12 +53,12 @@ def scene_flags(
                 flags.append(_picture_flag(image, measured, thresholds))
     if facts.compositor_nodes:
         nodes = ", ".join(facts.compositor_nodes[:5])
-        flags.append(_flag("compositor_nodes", nodes, len(facts.compositor_nodes), _ANY))
+        flags.append(make_flag("compositor_nodes", nodes, len(facts.compositor_nodes), _ANY))
     if facts.texts:
         names = ", ".join(text.name for text in facts.texts[:5])
-        flags.append(_flag("text_blocks", names, len(facts.texts), _ANY))
+        flags.append(make_flag("text_blocks", names, len(facts.texts), _ANY))
     if facts.drivers:
-        flags.append(_flag("drivers", "drivers in the scene", facts.drivers, _ANY))
+        flags.append(make_flag("drivers", "drivers in the scene", facts.drivers, _ANY))
     return flags
 
 
@@ -80,6 +80,32 @@ def correlation(a: Picture, b: Picture) -> float:
     return found
 
 
+def scale_flags(
+    facts: Integrity,
+    thumbnails: NDArray[np.uint8],
+    reference: Picture,
+    scales: Sequence[tuple[tuple[int, int], float]],
+) -> Iterator[Flag]:
+    """Images that are the reference or its negative, in whatever detail: |r| at several sizes."""
+    for image in facts.images:
+        if image.thumbnail is None or image.thumbnail >= len(thumbnails):
+            continue
+        shown, most = thumbnails[image.thumbnail], (0.0, 0.0, "")
+        for size_wh, threshold in scales:
+            small = resize_picture(reference, size_wh)
+            measured = _either_sign(resize_picture(shown, size_wh), small)
+            if measured >= threshold:
+                most = max(most, (measured, threshold, "{}x{}".format(*size_wh)))
+        if most[1]:
+            used = ", ".join(image.users) or "nothing"
+            what = f"{image.name}, used by {used}, at {most[2]}"
+            yield make_flag("picture_like_reference", what, most[0], most[1])
+
+
+def _either_sign(a: Picture, b: Picture) -> float:
+    return max(correlation(a, b), correlation(np.invert(a), b))
+
+
 def plane_flags(
     facts: Integrity, plane: NDArray[Any], hits: Flags, thresholds: FlagThresholds
 ) -> Iterator[Flag]:
@@ -93,14 +119,14 @@ def plane_flags(
     if share >= thresholds.plane_hits_share:
         most = int(np.argmax(counts))
         name = facts.planes[most].object if most < len(facts.planes) else "a plane"
-        yield _flag("camera_facing_planes", f"{name} first of {np.count_nonzero(counts)}",
+        yield make_flag("camera_facing_planes", f"{name} first of {np.count_nonzero(counts)}",
                     share, thresholds.plane_hits_share)  # fmt: skip
 
 
 def score_flags(r: float, a: float, thresholds: FlagThresholds) -> Iterator[Flag]:
     """A picture that agrees over geometry that does not."""
     if a >= thresholds.high_a and r < thresholds.low_r:
-        yield _flag("appearance_without_geometry", f"R {r:.3f}", a, thresholds.high_a)
+        yield make_flag("appearance_without_geometry", f"R {r:.3f}", a, thresholds.high_a)
 
 
 def view_drop(first_a: float, other_a: float, thresholds: FlagThresholds) -> Flag | None:
@@ -108,16 +134,17 @@ def view_drop(first_a: float, other_a: float, thresholds: FlagThresholds) -> Fla
     drop = first_a - other_a
     if drop < thresholds.view_drop:
         return None
-    return _flag("view_drop", f"A {first_a:.3f} in the first view", drop, thresholds.view_drop)
+    return make_flag("view_drop", f"A {first_a:.3f} in the first view", drop, thresholds.view_drop)
 
 
 def _picture_flag(image: ImageTexture, measured: float, thresholds: FlagThresholds) -> Flag:
     kind: FlagKind = "picture_in_world" if "world" in image.users else "picture_in_scene"
     what = f"{image.name}, used by {', '.join(image.users) or 'nothing'}"
-    return _flag(kind, what, measured, thresholds.picture_correlation)
+    return make_flag(kind, what, measured, thresholds.picture_correlation)
 
 
-def _flag(kind: FlagKind, what: str, measured: float, threshold: float) -> Flag:
+def make_flag(kind: FlagKind, what: str, measured: float, threshold: float) -> Flag:
+    """A flag with its measurement."""
     return Flag(
         kind=kind,
         what=what,

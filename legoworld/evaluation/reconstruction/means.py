@@ -53,8 +53,15 @@ def family_draws(rows: Sequence[ReconstructionRow], draws: int, seed: int) -> Dr
     )
 
 
-def headline(tolerances: Sequence[str]) -> tuple[Measure, ...]:
-    """V, R, A, S and F at the other tolerances over all attempted; R, A, S over the valid."""
+#: The second card's numbers of a case, in the order they are shown.
+SECOND: Final = ("R_p", "R_x", "A_x", "F3D", "found", "R_empty", "R_above_empty")
+
+
+def headline(tolerances: Sequence[str], *, second: bool = False) -> tuple[Measure, ...]:
+    """V, R, A, S and F at the other tolerances over all attempted; R, A, S over the valid.
+
+    second: the second card's, too.
+    """
 
     def at(name: str) -> Value:
         return lambda row: row.R_at[name] if row.valid else 0.0
@@ -68,7 +75,16 @@ def headline(tolerances: Sequence[str]) -> tuple[Measure, ...]:
         Measure(name="A_valid", over="valid", value=lambda row: row.A),
         Measure(name="S_valid", over="valid", value=lambda row: row.S),
         *(Measure(name=name, over="attempted", value=at(name)) for name in tolerances),
+        *(Measure(name=n, over="attempted", value=_second(n)) for n in SECOND if second),
     )
+
+
+def _second(name: str) -> Value:
+    def value(row: ReconstructionRow) -> float | None:
+        found: float | None = getattr(row.x, name) if row.x else None
+        return found
+
+    return value
 
 
 def compute_mean(

@@ -28,8 +28,24 @@ _FIXED: Final[dict[str, Any]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class XRules:
+    """The second card's numbers: F3D's, and from which measurement on something is flagged."""
+
+    spacing: float
+    found: float
+    sub_pixel_drop: float
+    one_view_drop: float
+    geometry_drop: float
+    surface_differs: float
+    scales: tuple[tuple[tuple[int, int], float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class BenchProtocol:
-    """The numbers of the card. headline: R's tolerance; others, flags: the diagnostics'."""
+    """The numbers of the card. headline: R's tolerance; others, flags: the diagnostics'.
+
+    x: the second card's, None where the task has none.
+    """
 
     card: Card
     evaluator: str
@@ -40,6 +56,7 @@ class BenchProtocol:
     depth_limit_m: float
     delta: int
     flags: FlagThresholds
+    x: XRules | None
 
 
 def bench_protocol(card: Card | None = None) -> BenchProtocol:
@@ -64,6 +81,16 @@ def bench_protocol(card: Card | None = None) -> BenchProtocol:
         flags=FlagThresholds(
             **{f.name: float(card.value(f"integrity.{f.name}")) for f in fields(FlagThresholds)}
         ),
+        x=_x_rules(card) if "x" in card.values else None,
+    )
+
+
+def _x_rules(card: Card) -> XRules:
+    names = [f.name for f in fields(XRules) if f.name != "scales"]
+    sizes, least = card.value("x.picture_scales_wh"), card.value("x.picture_correlation")
+    return XRules(
+        **{name: float(card.value(f"x.{name}")) for name in names},
+        scales=tuple(((w, h), float(r)) for (w, h), r in zip(sizes, least, strict=True)),
     )
 
 

@@ -74,7 +74,7 @@ def load_reference(folders: BenchFolders, case: BenchCase, limit_m: float) -> Re
     raster = picture_raster(case.size_wh, case.image.hfov_deg, case.truth.raster_wh)
     if case.truth.sha256.raster is not None:
         path = folders.arrays("raster", case)
-        arrays = _load_checked(path, case.truth.sha256.raster, ("depth_z_m", "instance"))
+        arrays = load_checked(path, case.truth.sha256.raster, ("depth_z_m", "instance"))
         depth, instance = arrays["depth_z_m"], arrays["instance"]
         _require(path, depth, (raster.height, raster.width))
         _require(path, instance, (raster.height, raster.width))
@@ -141,25 +141,25 @@ def _full_size(folders: BenchFolders, case: BenchCase) -> tuple[NDArray[Any], ND
     found = []
     for kind, name in (("depth", "depth_z_m"), ("instances", "instance")):
         path = folders.arrays(kind, case)
-        array = _load_checked(path, getattr(case.truth.sha256, kind), (name,))[name]
+        array = load_checked(path, getattr(case.truth.sha256, kind), (name,))[name]
         width, height = case.size_wh
         _require(path, array, (height, width))
         found.append(array)
     return found[0], found[1]
 
 
-def _load_checked(path: Path, sha256: str, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    """Arrays of an .npz whose hash is on record."""
+def load_checked(path: Path, sha256: str, names: tuple[str, ...] | None) -> dict[str, NDArray[Any]]:
+    """Arrays of an .npz whose hash is on record, None for all of them. BenchTruthError."""
     try:
         digest = sha256_of_file(path)
         if digest == sha256:
             stored = npz_arrays(path, path.name, names)
-            return {name: stored[name] for name in names}
+            return {name: stored[name] for name in names or stored}
     except (OSError, KeyError, DepthFileError) as error:
         raise BenchTruthError(
             f"{path.name} of the private half cannot be read",
             found=f"{type(error).__name__}: {cause(error)}",
-            expected=f"an .npz with {' and '.join(names)}",
+            expected=f"an .npz with {' and '.join(names or ())}",
         ) from error
     raise BenchTruthError(
         f"{path.parent.name}/{path.name} is not the one truth.json has on record",

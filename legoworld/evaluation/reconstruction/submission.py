@@ -71,8 +71,15 @@ def read_bench_run(folder: Path) -> BenchRun:
 
 def list_files(folder: Path, rows: Sequence[BenchRow]) -> list[Path]:
     """Surfaces and renders that the rows name and that are there."""
-    named = [file for row in rows for file in (row.surface, row.render) if file is not UNSET]
+    named = [file for row in rows for file in row_files(row)]
     return [path for file in named if (path := folder / str(file.file)).is_file()]
+
+
+def row_files(row: BenchRow) -> list[WrittenFile]:
+    """The files that a row names."""
+    files: list[WrittenFile] = [f for f in (row.surface, row.render, row.probe) if f is not UNSET]
+    seen = row.probe.render if row.probe is not UNSET else None
+    return [*files, seen] if seen is not None else files
 
 
 def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
@@ -95,6 +102,16 @@ def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
             found=f"{type(error).__name__}: {error}",
             expected=f"depth_z_m of {raster.width}x{raster.height}",
             next_step="run the readout again",
+        ) from error
+
+
+def load_arrays(folder: Path, file: WrittenFile) -> dict[str, NDArray[Any]]:
+    """The arrays of a file that the run wrote. SubmissionFileError."""
+    try:
+        return npz_arrays(io.BytesIO(_bytes(folder, file)), str(file.file))
+    except DepthFileError as error:
+        raise SubmissionFileError(
+            f"{file.file} cannot be used", found=cause(error), expected="an .npz of arrays"
         ) from error
 
 

@@ -56,7 +56,7 @@ def summarise(
     settings: Settings,
 ) -> ReconstructionSummary:
     """The summary of the rows of every attempted case, ascending image id."""
-    measures = headline([t.name for t in protocol.others])
+    measures = headline([t.name for t in protocol.others], second=protocol.x is not None)
     draws = family_draws(rows, settings.draws, settings.seed)
     return ReconstructionSummary(
         task=protocol.card.task,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
+from legoworld.evaluation.reconstruction.means import SECOND
 from legoworld.evaluation.short_text import bounds, describe_evaluator, first_few, fraction
 from legoworld.pluralize import plural
 from legoworld.records.reconstruction import (
@@ -92,7 +93,15 @@ def _averages(metrics: Means) -> list[str]:
     return [
         f"over all {metrics['S'].n} attempted, zeros included: {', '.join(all_cases)}",
         f"over the {metrics['S_valid'].n} valid: {', '.join(valid)}",
+        *_second_card(metrics),
     ]
+
+
+def _second_card(metrics: Means) -> list[str]:
+    """The second card's means, where the task has one."""
+    known = [name for name in SECOND if name in metrics]
+    numbers = ", ".join(f"{name} {fraction(metrics[name].value)}" for name in known)
+    return [f"second card, in no score: {numbers}"] if known else []
 
 
 def noise_floor(noise: NoiseSummary) -> str:

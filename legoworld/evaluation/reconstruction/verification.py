@@ -8,12 +8,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from legoworld.cards import load_card
 from legoworld.evaluation.agreement import agreement
 from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import read_dataset
-from legoworld.evaluation.reconstruction.evaluate import case_tasks
+from legoworld.evaluation.reconstruction.evaluate import case_tasks, second_card
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
@@ -38,7 +39,7 @@ def bench_checks(
         rows,
         kind=str(summary.kind),
         partial=summary.partial,
-        protocol=bench_protocol(),
+        protocol=bench_protocol(load_card(summary.task)),
         settings=Settings(
             choices=Choices(sampling=rules.reference_sampling, diagnostics=rules.diagnostics),
             sampled=rules.reference_points == "raster" or rules.reference_sampling != "raster",
@@ -62,7 +63,9 @@ def bench_rows(
     dataset = read_dataset(_input(folder, evidence, "truth", root).parent)
     asked = evidence.configuration
     choices = Choices(sampling=asked.reference_sampling, diagnostics=asked.diagnostics)
-    tasks = case_tasks(run, dataset, bench_protocol(), choices)
+    protocol = bench_protocol(load_card(run.run.task))
+    second = second_card(dataset, protocol)
+    tasks = case_tasks(run, dataset, protocol, choices, second)
     some = tasks[:: max(1, math.ceil(len(tasks) / SCORED_AGAIN))]
     recorded = {row.image_id: as_json(row) for row in rows}
     for row in scored_cases(seen_tasks(some), IN_PROCESS):

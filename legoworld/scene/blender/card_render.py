@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import bpy
+import mathutils
 
+from legoworld.conventions import CV_FROM_BLENDER_CAMERA
 from legoworld.errors import SceneInvalidError
 from legoworld.scene.blender.cameras import refuse_missing_camera
 from legoworld.scene.blender.open_file import open_blend
 from legoworld.scene.blender.render_state import render_scene, rendered_view_layer
-from legoworld.scene.requests import CardRequest
+from legoworld.scene.requests import CardRequest, StandRequest
 
 #: Render settings that are not part of the scene; they override the file.
 _RENDER: Final[dict[str, Any]] = {
@@ -57,9 +59,18 @@ def render_by_card(blend: Path, output: Path, wanted: CardRequest) -> None:
 
     wanted: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture
     is the scene's own: camera, geometry, materials, lights, world, bounces, exposure and view
-    transform; the rest is the card's. Raises what `open_blend` does, NoCameraError, and
-    SceneInvalidError for a scene that Blender refuses to render.
+    transform; the rest is the card's. With "stand" the camera is put elsewhere before. Raises what
+    `open_blend` does, NoCameraError, and SceneInvalidError for a scene that Blender refuses to
+    render.
     """
+    scene = open_by_card(blend, wanted)
+    if "stand" in wanted:
+        _stand(scene, wanted["stand"])
+    _write_png(scene, output)
+
+
+def open_by_card(blend: Path, wanted: CardRequest) -> bpy.types.Scene:
+    """The scene of a .blend, set up as the card says."""
     scene = open_blend(blend).scene
     refuse_missing_camera(scene)
     render = scene.render
@@ -79,7 +90,27 @@ def render_by_card(blend: Path, output: Path, wanted: CardRequest) -> None:
     shown = rendered_view_layer(scene)
     for layer in scene.view_layers:
         layer.use = layer == shown
-    _write_png(scene, output)
+    return scene
+
+
+def _stand(scene: bpy.types.Scene, stand: StandRequest) -> None:
+    """A copy of the active camera at a pose of its own, which nothing in the file moves."""
+    bound = [m for m in scene.timeline_markers if m.camera and m.frame <= scene.frame_current]
+    holder = max(bound, key=lambda m: m.frame).camera if bound else scene.camera
+    data = holder.data.copy()
+    data.animation_data_clear()
+    data.lens *= stand["zoom"]
+    data.ortho_scale /= stand["zoom"]
+    copied = bpy.data.objects.new("legoworld stand", data)
+    rows = [
+        [value * sign for value, sign in zip(row, (*CV_FROM_BLENDER_CAMERA, 1.0), strict=True)]
+        for row in stand["world_from_camera"]
+    ]
+    copied.matrix_world = mathutils.Matrix([*rows, (0.0, 0.0, 0.0, 1.0)])
+    scene.collection.objects.link(copied)
+    for marker in scene.timeline_markers:
+        marker.camera = None
+    scene.camera = copied
 
 
 def _write_png(scene: bpy.types.Scene, output: Path) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.conventions import ALPHA_THRESHOLD
+from legoworld.conventions import ALPHA_THRESHOLD, TAKEN_AS_OPAQUE
 from legoworld.scene.blender.alpha_attributes import LUMINANCE_RGB, AttributeSource
 from legoworld.scene.blender.alpha_images import ImageSource
 from legoworld.scene.blender.alpha_values import (
@@ -93,7 +93,7 @@ def material_rule(material: bpy.types.Material) -> tuple[AlphaRule, list[str]]:
             return "holdout", warnings
         return alpha_rule(_shader_alpha(shader)), warnings
     except UnreadableAlphaError as error:
-        warnings.append(f"material {material.name!r}: {error}; its surface is taken as opaque")
+        warnings.append(f"material {material.name!r}: {error}; its surface is {TAKEN_AS_OPAQUE}")
         return "there", warnings
 
 

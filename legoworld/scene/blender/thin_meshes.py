@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.conventions import TAKEN_AS_OPAQUE
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.blender.alpha_table import AlphaTable
 from legoworld.scene.blender.meshes import CopiedMesh
@@ -133,7 +134,7 @@ class ThinMeshes:
         if self.alphas.find_rule(rule) is not None:
             self.warnings.add(
                 f"object {shown.original.name!r} has hair or points whose alpha comes from an "
-                "image, an attribute or the side that is seen: taken as opaque"
+                f"image, an attribute or the side that is seen: {TAKEN_AS_OPAQUE}"
             )
         there, holdout = bool(self.alphas.is_there(rules)[0]), self.alphas.is_holdout(rules)[0]
         if held_out:

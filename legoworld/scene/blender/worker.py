@@ -152,6 +152,16 @@ def _card_render(request: Request) -> dict[str, Any]:
     return {}
 
 
+def _card_depth(request: Request) -> dict[str, Any]:
+    """Depth of the first sample of a render by a card, written to the output."""
+    from legoworld.files import write_npz
+    from legoworld.scene.blender.card_depth import depth_by_card
+
+    depth = depth_by_card(Path(request["blend"]), request["card"])
+    write_npz(Path(request["output"]), {"depth_z": depth}, compressed=True)
+    return {}
+
+
 def _facts(request: Request) -> dict[str, Any]:
     """What a .blend holds besides geometry; its images' thumbnails go into the output."""
     from legoworld.files import write_npz
@@ -221,6 +231,7 @@ _REQUESTS: dict[str, Callable[[Request], dict[str, Any]]] = {
     "check": _check,
     "picture": _picture,
     "card_render": _card_render,
+    "card_depth": _card_depth,
     "facts": _facts,
     "cases": _cases,
     "case": _case,

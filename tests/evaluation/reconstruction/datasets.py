@@ -7,7 +7,7 @@ import io
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +30,13 @@ from legoworld.records.bench_dataset import (
     RenderCard,
     ScoredObject,
 )
+from legoworld.records.probe import Probe, SecondView
+from legoworld.records.second_card import CONTEXT, OWN, BenchXFile, BenchXImage, BenchXInfo, XTruth
 from legoworld.records.submission import (
     BenchRow,
     Check,
     Integrity,
+    ProbedFile,
     RenderFile,
     SubmittedCamera,
     SurfaceFile,
@@ -101,6 +104,7 @@ class Case:
     depth_z_m: NDArray[Any]
     instance: NDArray[Any]
     render: NDArray[Any]
+    second: dict[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(kw_only=True)
@@ -131,6 +135,9 @@ class Submission:
     integrity: Integrity = NOTHING
     status: str = "ok"
     extra: dict[str, NDArray[Any]] = field(default_factory=dict)
+    probed: dict[str, NDArray[Any]] = field(default_factory=dict)
+    second_render: NDArray[Any] | None = None
+    surface_differs: float = 0.0
 
 
 def sha256(path: Path) -> str:
@@ -221,11 +228,66 @@ def _case(
     )
 
 
+OFFSET_PX = (0.3, -0.2)
+#: An object's points, and what is around it; metres.
+POINTS = np.array([0, 0, 3]) + np.stack(np.meshgrid(*[np.linspace(0, 1, 12)] * 3), axis=-1).reshape(
+    -1, 3
+)
+
+
+def write_second_card(dataset: Dataset) -> Path:
+    """DATASET/private/x.json and its arrays; the second view is another made-up scene."""
+    images = []
+    raster = small_raster()
+    moved = replace(raster, cx=raster.cx - OFFSET_PX[0], cy=raster.cy - OFFSET_PX[1])
+    for number, case in dataset.cases.items():
+        stem = str(case.image.file_name).removesuffix(".png")
+        ids = sorted({int(i) for i in np.unique(case.instance)} - {-1, 0})
+        balls = int(case.instance.max())
+        arrays: dict[str, NDArray[Any]] = {}
+        for name, seen, seed in (("offset", moved, number), ("view", raster, 50 + number)):
+            depth, instance = scene(seen, seed, balls)
+            arrays |= {f"{name}_depth_z_m": depth, f"{name}_instance": instance}
+        arrays["points_m"] = np.concatenate([POINTS] * len(ids)).astype(np.float32)
+        arrays["point_object"] = np.repeat(np.arange(len(ids), dtype=np.int32), len(POINTS))
+        arrays["point_kind"] = np.tile(np.where(POINTS[:, 2] > 3.2, OWN, CONTEXT), len(ids))
+        case.second = arrays
+        path = dataset.private / "x" / f"{stem}.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **arrays)
+        shown = dataset.root / "public" / "images" / str(case.image.file_name)
+        images.append(
+            BenchXImage(
+                **as_json(case.image),
+                probe=Probe(
+                    offset_px=OFFSET_PX,
+                    view=SecondView(cam_from_view=POSE, hfov_deg=HFOV_DEG),
+                    boxes_m=(((0, 0, 3), (1, 1, 4)),) * len(ids),
+                    spacings_m=(0.05,) * len(ids),
+                ),
+                x=XTruth(
+                    R_empty=0.25,
+                    arrays_sha256=sha256(path),
+                    picture=str(shown.relative_to(dataset.root)),
+                    picture_sha256=sha256(shown),
+                ),
+            )
+        )
+    info = BenchXInfo(
+        description="made for a test", task="bench-x", card_version="0.1.0",
+        track_sha256=dataset.track_sha256,
+    )  # fmt: skip
+    path = dataset.private / "x.json"
+    path.write_text(readable(BenchXFile(info=info, images=tuple(images), categories=())))
+    return path
+
+
 def write_run(
     folder: Path,
     dataset: Dataset,
     submissions: Mapping[int, Submission] | None = None,
     *,
+    task: str = "bench",
     track_sha256: str | None = None,
     agent: dict[str, Any] | None = None,
 ) -> Path:
@@ -236,7 +298,7 @@ def write_run(
         rows.append(_row(folder, case, submission))
         scenes[str(image_id)] = {"provenance": agent} if agent else {}
     configuration = {
-        "task": "bench", "kind": "scene", "attempted": len(rows), "partial": False,
+        "task": task, "kind": "scene", "attempted": len(rows), "partial": False,
         "track_sha256": track_sha256 or dataset.track_sha256, "vocabulary_sha256": None,
     }  # fmt: skip
     document = {"configuration": configuration, "versions": {}, "scenes": scenes}
@@ -284,6 +346,24 @@ def _row(folder: Path, case: Case, submission: Submission) -> BenchRow:
             size_wh=(render.shape[1], render.shape[0]), card_sha256="0" * 64, noise=None,
         ),
         integrity=submission.integrity,
+        probe=_probe(folder, case, submission, stem) if case.second else UNSET,
+    )  # fmt: skip
+
+
+def _probe(folder: Path, case: Case, submission: Submission, stem: str) -> ProbedFile:
+    names = ("offset_depth_z_m", "view_depth_z_m", "points_m", "point_object")
+    data, shown = io.BytesIO(), io.BytesIO()
+    np.savez(data, **({name: case.second[name] for name in names} | submission.probed))
+    render = case.render if submission.second_render is None else submission.second_render
+    Image.fromarray(render).save(shown, format="PNG")
+    return ProbedFile(
+        **_written(folder, f"probe/{stem}.npz", data.getvalue()),
+        render=None if submission.no_render else RenderFile(
+            **_written(folder, f"probe/{stem}.png", shown.getvalue()),
+            size_wh=(render.shape[1], render.shape[0]), card_sha256="0" * 64, noise=None,
+        ),
+        surface_differs=submission.surface_differs,
+        unreadable_alpha=0,
     )  # fmt: skip
 
 
