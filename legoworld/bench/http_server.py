@@ -22,7 +22,7 @@ from legoworld.endpoint.listener import PortTakenError
 
 _HEADERS_S: Final = 10.0
 _HEADER_BYTES: Final = 16 << 10
-_KEEP_ALIVE_S: Final = 30
+_KEEP_ALIVE_S: Final = 75
 
 
 def serve_http(
