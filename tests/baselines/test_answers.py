@@ -354,3 +354,38 @@ def test_each_new_row_is_told_once_and_kept_ones_are_not(tmp_path, monkeypatch):
     found = baseline_run._write_journal(request, {1: "kept"}, iter(made), told.append)  # type: ignore[dict-item]
     assert found == {1: (tmp_path, "kept"), 5: (tmp_path, made[0]), 2: (tmp_path, made[1])}
     assert told == [made[0].row, made[1].row]
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [(0, "exit code 0"), (None, "exit code 0"), (3, "exit code 3"), (-9, "signal SIGKILL"),
+     (-1, "signal SIGHUP")],
+)  # fmt: skip
+def test_how_a_baseline_ended_is_said(code, said, monkeypatch):
+    process = object.__new__(child.BaselineProcess)
+    process._sandbox = SimpleNamespace(poll_exit=lambda **_: code)
+    monkeypatch.setattr(child.BaselineProcess, "close", lambda _self: None)
+    monkeypatch.setattr(child.BaselineProcess, "last_words", lambda _self: "its last line")
+    assert process.how_it_ended() == f"{said}; its last line"
+
+
+@pytest.mark.parametrize("bubblewrap", [None, "0.9"])
+@pytest.mark.parametrize("network", [False, True])
+@pytest.mark.parametrize("offline", [False, True])
+def test_a_baseline_without_a_network_is_told_so(bubblewrap, network, offline, monkeypatch):
+    monkeypatch.setattr(child, "child_environment", lambda *_, **how: {"HOME": str(how["home"])})
+    sandbox = SimpleNamespace(path_inside=lambda name: f"/in/{name}", temporary="/in/tmp")
+    held = SimpleNamespace(bubblewrap=bubblewrap, network=network)
+    card: Any = SimpleNamespace(shared_path="/shared")
+    request: Any = SimpleNamespace(offline=offline)
+    found = child._environment(card, sandbox, SimpleNamespace(held=held), [], request)  # type: ignore[arg-type]
+    without = offline or (bubblewrap is not None and not network)
+    assert (found.get("HF_HUB_OFFLINE"), found.get("TRANSFORMERS_OFFLINE")) == (
+        ("1", "1") if without else (None, None)
+    )
+    assert (found["PYTHONPATH"], found["PYTHONHASHSEED"], found["HOME"]) == (
+        "/shared", "0", "/in/home",
+    )  # fmt: skip
+    own = {"TRITON_CACHE_DIR": "/in/home/triton", "CUDA_CACHE_PATH": "/in/home/cuda",
+           "USER": "baseline"}  # fmt: skip
+    assert {name: found.get(name) for name in own} == (own if bubblewrap else dict.fromkeys(own))

@@ -175,7 +175,7 @@ def made_family(name: str, *cases: tuple[str, str], split: str | None = None) ->
         family=name, environment="indoor", theme="kitchen", split=split, status="ok", reason=None,
         cases=tuple(
             MadeCase(
-                file_name=file_name, hfov_deg=50.0 + n, tier="easy", view=n,
+                file_name=file_name, hfov_deg=50.0 + n, tier="easy", view=n, probe=None, x=None,
                 truth=BenchTruth(
                     camera=camera, sha256=hashes, raster_wh=(8, 4), snapshot_sha256=file_name,
                     scored=(ScoredObject(id=1, name="x", category=category),), noise_floor=None,

@@ -15,6 +15,7 @@ from legoworld import cli
 from legoworld.commands import (
     baseline_output,
     demo_command,
+    options,
     param_types,
     progress,
     run_text,
@@ -23,6 +24,7 @@ from legoworld.commands import (
 )
 from legoworld.commands.output import Output
 from legoworld.errors import InstallationError
+from legoworld.evaluation.normals.arrays import SIGNS
 from legoworld.records.formats import FORMATS
 from legoworld.records.run_rows import RunRow
 
@@ -188,6 +190,9 @@ def test_scores_over_the_images_that_all_agents_have(tmp_path, monkeypatch, caps
     assert capsys.readouterr().out.splitlines() == [
         "table of own", "", "Over 2 images that all agents have:", "table of shared",
     ]  # fmt: skip
+    assert cli.run([*words, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == {"agents": ["own"], "common": ["shared"], "schema_version": 1}
     document.common = None
     assert cli.run(words) == 0
     assert capsys.readouterr().out == "table of own\n"
@@ -378,3 +383,42 @@ def test_what_a_baseline_logs_is_said_with_v(words, logged, tmp_path, monkeypatc
     assert cli.run([*run, *words]) == 0
     (listener,) = listeners
     assert (listener.log == listener.notice) is logged
+
+
+@pytest.mark.parametrize(
+    ("cache", "no_cache", "why", "taken"),
+    [
+        (None, False, "", True), (None, False, "read-only", False), (None, True, "", False),
+        (Path("c"), False, "read-only", Path("c")), (Path("c"), True, "", False),
+    ],
+)  # fmt: skip
+def test_which_cache_is_taken(cache, no_cache, why, taken, monkeypatch, capsys):
+    monkeypatch.setattr("legoworld.scene.cache.default_cache_folder", lambda: Path("own"))
+    monkeypatch.setattr("legoworld.scene.cache.why_unwritable", lambda _: why)
+    assert options._cache(cache, no_cache) == taken
+    told = bool(why) and cache is None
+    said = "the snapshot cache own cannot be written (read-only): continuing without one; "
+    assert capsys.readouterr().err.startswith(said) == told
+
+
+def test_the_signs_of_normals_are_those_that_are_read():
+    (kind,) = (how["type"] for names, _, how in options.SHARED if names == "--sign")
+    assert tuple(kind.choices) == SIGNS
+
+
+@pytest.mark.parametrize(
+    ("changes", "bare"),
+    [({}, True), ({"status": "failed"}, False), ({"instances": None}, False),
+     ({"instances": SimpleNamespace(labelled=1)}, False), ({"unmatched": ["x"]}, False),
+     ({"unexported": ["x"]}, False)],
+)  # fmt: skip
+def test_a_scene_without_any_label_is_said(changes, bare):
+    row = {"status": "ok", "instances": SimpleNamespace(labelled=0), "unmatched": None,
+           "unexported": None, "scene": "rooms/den"}  # fmt: skip
+    run: Any = SimpleNamespace(rows=[SimpleNamespace(**row | changes)] * 2,
+                               summary=SimpleNamespace(task="lvis"))  # fmt: skip
+    said = (
+        "2 scenes have no label, such as rooms/den: give objects the custom property "
+        "`category` (`legoworld list schema --task lvis`)"
+    )
+    assert run_text.unlabelled_lines(run) == [said] * bare

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from legoworld.comparison.provenance import NOT_RECORDED
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE
 from legoworld.records.evaluation_summary import TieSpread
 from legoworld.records.evaluation_view import TrueAnnotation
 from legoworld.records.report_page import Advice
 from legoworld.records.report_tables import CategoryCell, CategoryLine, FirstScreen
 from legoworld.report import (
+    costs,
     label_maps_page,
     reconstruction_advice,
     reconstruction_tables,
@@ -25,6 +27,7 @@ from legoworld.report.advice import _words
 from legoworld.report.detection_images import _is_ignored
 from legoworld.report.error_kinds import _cover, image_errors
 from legoworld.report.plots import DepthPixels, _mean_curve
+from legoworld.report.reconstruction_pictures import error_steps
 from legoworld.report.scene_files import _camera
 from legoworld.report.tables import category_table, tasks_table
 
@@ -283,3 +286,76 @@ def test_an_answer_s_warnings_and_wrong_answers_are_advice(
     again = page._answer(*((side, row, asked, document) if page is relations_page else
                            (asked, side, row)))  # fmt: skip
     assert again.scene is None
+
+
+@pytest.mark.parametrize(
+    ("delta", "texts"),
+    [
+        (30, ["0 to 30: counts for A", "31 to 60", "61 to 120", "121 to 255"]),
+        (59, ["0 to 59: counts for A", "60 to 60", "61 to 120", "121 to 255"]),
+        (60, ["0 to 60: counts for A", "61 to 120", "121 to 255"]),
+        (255, ["0 to 255: counts for A"]),
+    ],
+)
+def test_the_steps_of_a_s_picture(delta: int, texts: list[str]) -> None:
+    assert [step.text for step in error_steps(delta)] == texts
+
+
+GAIN = {("missed", 1): 0.02, ("background", 2): 0.05, ("both", 1): 0.02, ("duplicate", 2): 0.0004,
+        ("classification", 2): 0.03}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("other", "kinds"),
+    [
+        (None, ["background", "classification", "both", "missed"]),
+        ({("background", 2): 0.05, ("missed", 1): 0.0, ("both", 1): 0.015},
+         ["classification", "missed", "both"]),
+    ],
+)  # fmt: skip
+def test_what_costs_most_comes_first_and_of_two_sides_what_tells_them_apart(
+    other: Any, kinds: list[str]
+) -> None:
+    found = {key: [4, 4, 7] for key in GAIN}
+    side: Any = SimpleNamespace(found=found)
+    made = costs._costs(side, GAIN, other, {1: "cup", 2: "bus"})  # type: ignore[arg-type]
+    assert [cost.kind for cost in made] == kinds
+    for cost in made:
+        key: Any = (cost.kind, cost.category)
+        assert (cost.gain, cost.n, cost.images) == (GAIN[key], 3, 2)
+        assert cost.others == (None if other is None else other.get(key, 0.0))
+        assert cost.text.startswith({1: "cup", 2: "bus"}[key[1]])
+
+
+def repeated(mean: float | None, ends: tuple[float, float] | None = None) -> Any:
+    interval = None if ends is None else SimpleNamespace(ends=ends)
+    return SimpleNamespace(mean=mean, sd=0.01, interval=interval, n=(6,))
+
+
+@pytest.mark.parametrize(
+    ("s", "several", "said"),
+    [
+        (repeated(0.5, (0.25, 0.75)), True,
+         "Highest S of 2: codex, 0.500 [0.250, 0.750] over 6 cases, 1 run."),
+        (repeated(0.5), False, "codex: S 0.500 over 6 cases, mean of 1 run."),
+        (repeated(None), False, "codex: R 0.125 over 6 cases, mean of 1 run."),
+    ],
+)  # fmt: skip
+def test_who_leads(s: Any, several: bool, said: str) -> None:
+    def board_row(agent: str, s: Any) -> Any:
+        group = SimpleNamespace(cases=6, metrics={"S": s, "R": repeated(0.125)})
+        return SimpleNamespace(agent=agent, model=NOT_RECORDED, evaluations=("e",),
+                               groups=[group, None])  # fmt: skip
+
+    rows = [board_row("codex", s), *[board_row("other", repeated(0.9))] * several]
+    board: Any = SimpleNamespace(rows=rows)
+    assert reconstruction_tables._leads(board) == said
+
+
+def test_a_mean_of_runs_has_its_interval_and_its_deviation_below() -> None:
+    alone = reconstruction_tables._repeated(repeated(0.5))
+    assert (alone.value, alone.sd, alone.digits, alone.ends, alone.below) == (
+        0.5, 0.01, 3, None, "",
+    )  # fmt: skip
+    both = reconstruction_tables._repeated(repeated(0.5, (0.25, 0.75)))
+    assert (both.ends, both.digits, both.below) == ((0.25, 0.75), 3, alone.spread)

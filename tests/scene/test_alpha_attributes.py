@@ -16,6 +16,7 @@ from legoworld.scene.blender.alpha_attributes import (
     attribute_source,
     corner_values,
 )
+from legoworld.scene.blender.alpha_images import _after, _rotation
 from legoworld.scene.blender.alpha_values import _ramp
 from legoworld.scene.blender.joints import _property_text
 from legoworld.scene.blender.materials import _luminance
@@ -187,3 +188,25 @@ def test_custom_properties_as_text():
     assert _property_text(group) == '{"a": "' + str(SimpleNamespace) + '", "b": 1}'
     assert _property_text(SimpleNamespace(to_list=lambda: [1, 2.5])) == "[1, 2.5]"
     assert (_property_text("hinge"), _property_text(3)) == ("hinge", "3")
+
+
+def test_a_mapping_follows_another():
+    """A texture's place after two mappings is that of the second at the first's."""
+    random = np.random.default_rng(6)
+    matrix = np.eye(4)
+    matrix[:3, :] = random.normal(size=(3, 4))
+    inner = tuple(random.normal(size=6).tolist())
+    a, b, c, d, e, f = _after(inner, matrix)
+    u, v = 0.3, -0.7
+    first = inner[0] * u + inner[1] * v + inner[2], inner[3] * u + inner[4] * v + inner[5]
+    expected = matrix @ (*first, 0.0, 1.0)
+    assert (a * u + b * v + c, d * u + e * v + f) == pytest.approx(expected[:2])
+
+
+def test_angles_turn_about_x_then_y_then_z():
+    right = np.pi / 2
+    assert _rotation((right, 0.0, 0.0)) @ (0, 1, 0) == pytest.approx((0, 0, 1))
+    assert _rotation((0.0, right, 0.0)) @ (0, 0, 1) == pytest.approx((1, 0, 0))
+    assert _rotation((0.0, 0.0, right)) @ (1, 0, 0) == pytest.approx((0, 1, 0))
+    assert _rotation((right, right, 0.0)) @ (0, 1, 0) == pytest.approx((1, 0, 0))
+    assert _rotation((right, 0.0, right)) @ (0, 1, 0) == pytest.approx((0, 0, 1))

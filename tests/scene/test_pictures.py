@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from legoworld.errors import SceneInvalidError
 from legoworld.readouts.pictures import read_photo
@@ -92,3 +94,15 @@ def test_a_photo_that_is_a_fifo_does_not_block(tmp_path):
     os.mkfifo(tmp_path / "photo.png")
     with pytest.raises(OSError, match="it is a FIFO"):
         read_photo(tmp_path / "photo.png")
+
+
+@pytest.mark.parametrize("size_wh", [(5, 3), (700, 300), (16383, 1), (1, 16383)])
+@pytest.mark.parametrize("kind", ["lossy", "lossless", "extended"])
+def test_the_claimed_size_of_each_kind_of_webp(kind, size_wh):
+    mode, more = ("RGBA", {}) if kind == "extended" else ("RGB", {"lossless": kind == "lossless"})
+    stream = io.BytesIO()
+    Image.new(mode, size_wh, 128).save(stream, "WEBP", quality=5, **more)
+    data = stream.getvalue()
+    assert data[12:16] == {"lossy": b"VP8 ", "lossless": b"VP8L", "extended": b"VP8X"}[kind]
+    assert claimed_size_wh(data) == size_wh
+    assert claimed_size_wh(data[:12] + b"NONE" + data[16:]) == (0, 0)

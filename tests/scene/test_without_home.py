@@ -13,7 +13,12 @@ from legoworld.api.folders import written_at
 from legoworld.baselines.cards import baseline_cards
 from legoworld.baselines.environments import environment_folder
 from legoworld.files import home_folder
-from legoworld.scene.cache import CacheFolderError, SnapshotCache, default_cache_folder
+from legoworld.scene.cache import (
+    CacheFolderError,
+    SnapshotCache,
+    default_cache_folder,
+    why_unwritable,
+)
 
 NOWHERE = "/proc/nowhere"
 SCENES = """
@@ -97,3 +102,10 @@ def test_doctor_names_the_cache(capsys: pytest.CaptureFixture[str]) -> None:
     assert not cache["needed"]
     assert cache["found"].startswith(f"{NOWHERE}/.cache/legoworld/snapshots cannot be written")
     assert "--cache DIR" in cache["next_step"]
+
+
+def test_a_folder_that_can_be_written_is_made_once_and_kept(tmp_path):
+    for _ in range(2):
+        assert why_unwritable(tmp_path / "a" / "cache") == ""
+    (tmp_path / "file").touch()
+    assert why_unwritable(tmp_path / "file")
