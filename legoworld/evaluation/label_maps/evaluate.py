@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,11 +24,12 @@ from legoworld.evaluation.run import Run, read_family_run, read_rows, run_view
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share
 from legoworld.records.base import as_json, number
-from legoworld.records.evaluation_summary import Coverage, Evaluator
+from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    installed_versions,
+    coverage_of,
+    evidence_of,
     write_evaluation,
 )
 from legoworld.records.folders.read_run import ROWS, RUN
@@ -92,16 +92,7 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
         views[f"{row.image_id}.json"] = view
         request.progress(row)
     summary = summarise(family, rows, run, truth.vocabulary, configuration)
-    evidence = LabelMapEvidence(
-        versions=installed_versions("pillow"),
-        inputs=(),
-        files={},
-        task=summary.task,
-        evaluator=summary.evaluator,
-        coverage=summary.coverage,
-        configuration=configuration,
-        metrics=summary.metrics,
-    )
+    evidence = evidence_of(LabelMapEvidence, summary, configuration, "pillow")
     evaluation = Evaluation(
         summary=summary, evidence=evidence, inputs=inputs, per_image=rows, view=views
     )
@@ -216,12 +207,7 @@ def summarise(
         evaluator=Evaluator(
             name=card.value("scoring.evaluator"), version=card.value("scoring.evaluator_version")
         ),
-        coverage=Coverage(
-            attempted=len(rows),
-            scored=sum(row.has_score for row in rows),
-            with_truth=sum(row.has_truth for row in rows),
-            by_status=dict(sorted(Counter(row.status for row in rows).items())),
-        ),
+        coverage=coverage_of(rows),
         dataset_version=dataset_version(vocabulary, run.task),
         metrics=metrics,
         intervals=intervals,

@@ -26,7 +26,7 @@ from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    installed_versions,
+    evidence_of,
     write_evaluation,
 )
 from legoworld.records.folders.read_run import ROWS, RUN
@@ -78,21 +78,9 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     summary = summarise(
         family, rows, kind=run.kind, partial=run.run.partial, protocol=protocol, settings=settings
     )
-    evidence = family.records.evidence
-    said = {
-        name: getattr(summary, name)
-        for name in evidence.__struct_fields__
-        if name in summary.__struct_fields__ and name != "kind"
-    }
     evaluation = Evaluation(
         summary=summary,
-        evidence=evidence(
-            versions=installed_versions(),
-            inputs=(),
-            files={},
-            configuration=configuration,
-            **said,
-        ),
+        evidence=evidence_of(family.records.evidence, summary, configuration),
         inputs=inputs,
         per_image=rows,
         view=views,

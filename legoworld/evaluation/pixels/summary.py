@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,7 +17,8 @@ from legoworld.evaluation.pixels.family import (
 )
 from legoworld.evaluation.pixels.protocol import PixelProtocol
 from legoworld.records.base import UNSET, to_record
-from legoworld.records.evaluation_summary import Coverage, Interval, NotScored
+from legoworld.records.evaluation_summary import Interval, NotScored
+from legoworld.records.folders.evaluation_folder import coverage_of
 from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow
 
 
@@ -42,7 +42,7 @@ def summarise(
         partial=partial,
         evaluator=protocol.evaluator,
         protocol=to_record(records.choices, protocol.choices | options),
-        coverage=records.coverage(rows, _covered(rows)),
+        coverage=records.coverage(rows, coverage_of(rows)),
         metrics=means([row.scores for row in scored if row.scores], family.metrics),
         intervals=intervals,
         bootstrap=bootstrap,
@@ -63,16 +63,6 @@ def summarise(
         ),
         warnings=sum(len(row.warnings) for row in rows),
         **family.own(rows, scored, settings),
-    )
-
-
-def _covered(rows: Sequence[PixelRow]) -> Coverage:
-    """Images by outcome."""
-    return Coverage(
-        attempted=len(rows),
-        scored=sum(row.has_score for row in rows),
-        with_truth=sum(row.has_truth for row in rows),
-        by_status=dict(sorted(Counter(row.status for row in rows).items())),
     )
 
 

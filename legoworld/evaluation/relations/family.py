@@ -16,7 +16,7 @@ from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Rec
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.relations.rows import scored_images
-from legoworld.evaluation.relations.summary import METRICS, POLICIES, coverage, metrics
+from legoworld.evaluation.relations.summary import METRICS, POLICIES, metrics
 from legoworld.evaluation.relations.truth import read_truth
 from legoworld.evaluation.run import Run, read_family_run, read_rows, run_view
 from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
@@ -26,7 +26,8 @@ from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    installed_versions,
+    coverage_of,
+    evidence_of,
     write_evaluation,
 )
 from legoworld.records.folders.read_evaluation import SUMMARY
@@ -54,7 +55,7 @@ def _summary(
         kind=kind,
         partial=partial,
         evaluator=Evaluator(name="legoworld", version=card.value("scoring.evaluator_version")),
-        coverage=coverage(rows),
+        coverage=coverage_of(rows),
         metrics=metrics([*METRICS], rows, draws, seed),
         relations=metrics(
             sorted({name for r in rows for name in r.by_relation}), rows, draws, seed
@@ -102,16 +103,7 @@ def _evaluate(request: EvaluationRequest) -> RelationsSummary:
         draws=request.draws,
         seed=request.seed,
     )
-    evidence = RelationsEvidence(
-        versions=installed_versions(),
-        inputs=(),
-        files={},
-        task=summary.task,
-        evaluator=summary.evaluator,
-        coverage=summary.coverage,
-        configuration=configuration,
-        metrics=summary.metrics,
-    )
+    evidence = evidence_of(RelationsEvidence, summary, configuration)
     evaluation = Evaluation(
         summary=summary, evidence=evidence, inputs=inputs, per_image=rows, view=views
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import interval, resample_counts, weighted_sums
 from legoworld.records.base import number
-from legoworld.records.evaluation_summary import Coverage
 from legoworld.records.relations import Metric, RelationsRow, Sums
 
 Floats = NDArray[np.float64]
@@ -80,13 +78,3 @@ def metrics(
             interval=around,
         )
     return found
-
-
-def coverage(rows: Sequence[RelationsRow]) -> Coverage:
-    """Images by outcome."""
-    return Coverage(
-        attempted=len(rows),
-        scored=sum(row.has_score for row in rows),
-        with_truth=sum(row.has_truth for row in rows),
-        by_status=dict(sorted(Counter(row.status for row in rows).items())),
-    )

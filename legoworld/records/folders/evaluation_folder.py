@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
@@ -33,9 +34,11 @@ from legoworld.records.base import (
 )
 from legoworld.records.evaluation_rows import (
     CategoryRow,
+    EvaluationRow,
     ImageRow,
 )
 from legoworld.records.evaluation_summary import (
+    Coverage,
     Summary,
 )
 from legoworld.records.evidence import EvaluationEvidence, Input, ScoreConfiguration
@@ -56,6 +59,7 @@ from legoworld.version import __version__
 _PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")
 
 S = TypeVar("S", bound=Summary)
+E = TypeVar("E", bound=EvaluationEvidence)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,6 +185,33 @@ def _write(folder: Path, evaluation: Evaluation[S]) -> None:
         files={p.relative_to(folder).as_posix(): sha256_of_file(p) for p in written},
     )
     write_text(folder / EVIDENCE, readable(evidence))
+
+
+def coverage_of(rows: Sequence[EvaluationRow]) -> Coverage:
+    """Images by outcome."""
+    return Coverage(
+        attempted=len(rows),
+        scored=sum(row.has_score for row in rows),
+        with_truth=sum(row.has_truth for row in rows),
+        by_status=dict(sorted(Counter(row.status for row in rows).items())),
+    )
+
+
+def evidence_of(
+    kind: type[E], summary: Summary, configuration: ScoreConfiguration, *packages: str
+) -> E:
+    """Evidence of a summary, with all that both say; files and inputs are added as it is written.
+
+    packages: as in `installed_versions`.
+    """
+    both = {*kind.__struct_fields__} & {*summary.__struct_fields__} - {"kind"}
+    return kind(
+        versions=installed_versions(*packages),
+        inputs=(),
+        files={},
+        configuration=configuration,
+        **{name: getattr(summary, name) for name in both},
+    )
 
 
 def installed_versions(*more: str) -> dict[str, str]:
