@@ -10,16 +10,16 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.baselines.baseline_run import write_run
+from legoworld.baselines.family import ImportListener
 from legoworld.baselines.records import ResultMissingError
 from legoworld.baselines.request import common_configuration
 from legoworld.errors import LegoWorldError, UsageError, one_line
-from legoworld.files import EncodingError, canonical_json, sha256_of_text, utf8_text
+from legoworld.files import EncodingError, canonical_json, sha256_of_file, sha256_of_text, utf8_text
 from legoworld.pluralize import in_another_folder
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import JournalledImage, append, journal
 from legoworld.records.run_file import BaselineAbout, Configuration, ImageRecord, Imported
-from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import Track, TrackImage
@@ -109,16 +109,21 @@ def write_import(
 
 def import_images(
     request: ImportRequest,
-    imported: Imported,
+    source: Path,
     answer: Callable[[TrackImage], ImageRecord],
-    progress: Callable[[RunRow], None],
+    telling: ImportListener,
 ) -> RunResult:
-    """A run of the answers to the track's images, each made anew.
+    """A run of the answers to the track's images, each made anew from a file or a folder.
 
     answer: an image's record, written below the run where it has a file; a LegoWorldError of it is
     that image's row.
     """
     images = list(request.track.images)
+    telling.total(len(images))
+    if source.is_dir():
+        imported = Imported(folder=source.resolve().name)
+    else:
+        imported = Imported(file=source.name, sha256=sha256_of_file(source))
     with run_folder.lock_run(request.run):
         configuration = import_configuration(request, images, imported)
         run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
@@ -130,5 +135,5 @@ def import_images(
                 except LegoWorldError as error:
                     record = failed_record(image, error)
                 records.append(append(stream, record))
-                progress(record.row)
+                telling.progress(record.row)
         return write_import(request, records, configuration)

@@ -25,7 +25,7 @@ from legoworld.records.base import RecordError, decode
 from legoworld.records.baseline_messages import Message
 from legoworld.records.coco_file import PanopticAnnotation, PanopticAnswers
 from legoworld.records.repeats import find_repeated
-from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
+from legoworld.records.run_file import ImageRecord, ImageSource, ImportedFrom
 from legoworld.records.run_rows import Segment
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
@@ -57,9 +57,7 @@ def _import(
         origin = ImageSource(source=ImportedFrom(file=entry.file_name, sha256=digest))
         return map_record(image, request.run, id_colors(ids), origin, segments)
 
-    telling.total(len(request.track.images))
-    imported = Imported(file=source.name, sha256=sha256_of_file(source))
-    return import_images(request, imported, answer, telling.progress)
+    return import_images(request, source, answer, telling)
 
 
 def _answers(request: ImportRequest, source: Path) -> dict[int, PanopticAnnotation]:

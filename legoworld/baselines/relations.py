@@ -17,7 +17,7 @@ from legoworld.pluralize import did_you_mean
 from legoworld.readouts.relations import write_answers
 from legoworld.records.base import RecordError, decode_lines
 from legoworld.records.relations import AnswerFile, AnswerLine
-from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
+from legoworld.records.run_file import ImageRecord, ImageSource, ImportedFrom
 from legoworld.running.image_record import initial_row
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
@@ -34,9 +34,7 @@ def _import(
         origin = ImageSource(source=ImportedFrom(file=source.name, sha256=sha256))
         return ImageRecord(row=replace(initial_row(image), answer=file), scene=origin)
 
-    telling.total(len(request.track.images))
-    imported = Imported(file=source.name, sha256=sha256)
-    return import_images(request, imported, answer, telling.progress)
+    return import_images(request, source, answer, telling)
 
 
 def _answers(request: ImportRequest, source: Path, *, subset: bool) -> dict[int, dict[str, Any]]:

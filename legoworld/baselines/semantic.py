@@ -19,7 +19,7 @@ from legoworld.files import sha256_of_file
 from legoworld.readouts.family import answer_file
 from legoworld.readouts.label_maps import NO_CLASS
 from legoworld.records.baseline_messages import Message
-from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
+from legoworld.records.run_file import ImageRecord, ImageSource, ImportedFrom
 from legoworld.running.image_record import initial_row
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
@@ -54,9 +54,7 @@ def _import(
         origin = ImageSource(source=ImportedFrom(file=name, sha256=digest))
         return map_record(image, request.run, kept, origin)
 
-    telling.total(len(request.track.images))
-    imported = Imported(folder=source.resolve().name)
-    return import_images(request, imported, answer, telling.progress)
+    return import_images(request, source, answer, telling)
 
 
 def _answered(
