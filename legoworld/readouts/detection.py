@@ -30,14 +30,14 @@ def _exports(reads: str, image: AnsweredImage) -> list[Export]:
 
 
 def _cost(reads: str, image: AnsweredImage) -> str | None:
-    """Seconds are those of a core of 2020; boxes in space are drawn with the same layers."""
+    """By what was measured (docs/performance.md); boxes in space take the same layers."""
     if reads not in (AMODAL, BOXES_3D):
         return None
     n, view = len(image.instances), image.view
     most = most_entries(view.surfaces, view.projection, view.size_wh)
-    seconds = 1e-4 * n + 2e-7 * most + (5e-4 * n if reads == BOXES_3D else 0)
+    seconds = 1e-4 * n + 9e-8 * most + (5e-4 * n if reads == BOXES_3D else 0)
     return (
-        f"{n:,} instances drawn as if alone: at most {most:,} pixels, {12 * most / 1e6:,.0f} MB, "
+        f"{n:,} instances drawn as if alone: at most {most:,} pixels, {28 * most / 1e6:,.0f} MB, "
         f"about {seconds:,.0f} s"
     )
 
