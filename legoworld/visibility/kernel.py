@@ -22,7 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, ShapeError
-from legoworld.visibility.library import AlphaStruct, SurfacesStruct, ViewStruct, library
+from legoworld.visibility.library import (
+    AlphaStruct,
+    HitsStruct,
+    SurfacesStruct,
+    ViewStruct,
+    library,
+)
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import (
     HOLDOUT,
@@ -84,6 +90,18 @@ def render(
     Raises ShapeError for arrays or numbers the kernel cannot work with, KernelBuildError when the
     library is missing or stale, LegoWorldError when memory runs out.
     """
+    return render_into(None, surfaces, projection, size_wh, depth_scale, threads)
+
+
+def render_into(
+    hits: HitsStruct | None,
+    surfaces: Surfaces,
+    projection: Projection,
+    size_wh: tuple[int, int],
+    depth_scale: float,
+    threads: int | None,
+) -> Buffers:
+    """Render, and fill the arrays that `hits` points to."""
     call = prepare(surfaces, projection, size_wh, depth_scale, threads)
     width, height = size_wh
     instance = on_cache_lines(height, width).view(np.int32)
@@ -95,7 +113,7 @@ def render(
         ctypes.c_int32(level()),
         ctypes.c_void_p(instance.ctypes.data),
         ctypes.c_void_p(depth_z_m.ctypes.data),
-        None,
+        None if hits is None else ctypes.byref(hits),
     )
     raise_for(status)
     return Buffers(instance=instance, depth_z_m=depth_z_m)

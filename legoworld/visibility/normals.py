@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.visibility.kernel import render_into
 from legoworld.visibility.library import HitsStruct
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import Buffers, Surfaces, check_corner_normals
-from legoworld.visibility.triangles import render_into
 
 #: "geometric": of the triangle's plane; "shading": interpolated between its corners' normals.
 Variant = Literal["geometric", "shading"]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.visibility.kernel import level, on_cache_lines, prepare, raise_for
-from legoworld.visibility.library import HitsStruct, library
+from legoworld.visibility.kernel import render_into
+from legoworld.visibility.library import HitsStruct
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import Buffers, Surfaces
 
@@ -61,28 +60,3 @@ def triangles(
         triangle=triangle,
         barycentric=weights,
     )
-
-
-def render_into(
-    hits: HitsStruct,
-    surfaces: Surfaces,
-    projection: Projection,
-    size_wh: tuple[int, int],
-    depth_scale: float,
-    threads: int | None,
-) -> Buffers:
-    """Render, and fill the arrays that `hits` points to."""
-    call = prepare(surfaces, projection, size_wh, depth_scale, threads)
-    instance = on_cache_lines(size_wh[1], size_wh[0]).view(np.int32)
-    depth_z_m = on_cache_lines(size_wh[1], size_wh[0]).view(np.float32)
-    status = library().lw_render(
-        ctypes.byref(call.surfaces),
-        ctypes.byref(call.view),
-        ctypes.c_int32(call.threads),
-        ctypes.c_int32(level()),
-        ctypes.c_void_p(instance.ctypes.data),
-        ctypes.c_void_p(depth_z_m.ctypes.data),
-        ctypes.byref(hits),
-    )
-    raise_for(status)
-    return Buffers(instance=instance, depth_z_m=depth_z_m)
