@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,46 +17,19 @@ from numpy.typing import NDArray
 
 from legoworld import extras
 from legoworld.errors import InstallationError
+from legoworld.readouts.relation_contacts import TOUCH_M, Floats, Things, contacts
 from legoworld.records.relations import FactObject, FactPairs, Facts
 from legoworld.scene.affine import cam_from_mesh, transform_points
 from legoworld.scene.instances import Instance
 from legoworld.scene.snapshot import Snapshot
-from legoworld.solids.hulls import HULL_SLACK_M, facing_angles_deg, share_inside
+from legoworld.solids.hulls import facing_angles_deg
 from legoworld.solids.meshes import solid_of
-from legoworld.solids.penetration import penetration_m
-from legoworld.solids.solid import Solid
-from legoworld.solids.support import rest_on
 from legoworld.visibility.layers import HiddenPixels, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.view import View
 
-Floats = NDArray[np.float64]
-
 #: Objects of a picture whose pairs are looked at: the largest visible ones.
 MOST_OBJECTS: Final = 100
-#: Surfaces that are farther apart than this do not rest on each other.
-TOUCH_M: Final = 0.01
-#: The share of a thing in another's convex hull from which it may be inside of it.
-INSIDE: Final = 0.95
-#: Points of a thing of which it is asked whether another's volume holds them.
-_MOST_POINTS: Final = 64
 _DIGITS: Final = 6
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Things:
-    """Objects as arrays: (n, 3) extents in the camera's frame and in the world, metres."""
-
-    instances: Sequence[Instance]
-    solids: Sequence[Solid]
-    fronts: Floats
-    cam_low: Floats
-    cam_high: Floats
-    low: Floats
-    high: Floats
-
-    @property
-    def middle(self) -> Floats:
-        return (self.low + self.high) / 2
 
 
 def relation_facts(
@@ -94,7 +66,7 @@ def relation_facts(
     )
 
 
-def _things(view: View, instances: Sequence[Instance]) -> _Things:
+def _things(view: View, instances: Sequence[Instance]) -> Things:
     shot, camera = view.snapshot, view.snapshot.camera
     (cam_from_world,) = cam_from_mesh(camera, np.eye(3, 4)[None])
     cam_from_world[:, 3] *= view.depth_scale
@@ -108,7 +80,7 @@ def _things(view: View, instances: Sequence[Instance]) -> _Things:
     points = np.concatenate([np.empty((0, 3)), *(solid.points for solid in solids)])
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])[:-1]
     seen = transform_points(cam_from_world, points)
-    return _Things(
+    return Things(
         instances=instances,
         solids=solids,
         fronts=np.array(fronts).reshape(-1, 3),
@@ -128,7 +100,7 @@ def _front(shot: Snapshot, surfaces: Sequence[int], name: str) -> Floats:
     return np.full(3, math.nan)
 
 
-def _objects(view: View, things: _Things, areas: NDArray[np.int64]) -> tuple[FactObject, ...]:
+def _objects(view: View, things: Things, areas: NDArray[np.int64]) -> tuple[FactObject, ...]:
     centre = (things.cam_low + things.cam_high) / 2
     size = things.high - things.low
     objects = []
@@ -151,9 +123,7 @@ def _objects(view: View, things: _Things, areas: NDArray[np.int64]) -> tuple[Fac
     return tuple(objects)
 
 
-def _pairs(
-    view: View, things: _Things, areas: NDArray[np.int64], hiding: HiddenPixels
-) -> FactPairs:
+def _pairs(view: View, things: Things, areas: NDArray[np.int64], hiding: HiddenPixels) -> FactPairs:
     ids = np.array([i.id for i in things.instances], np.int64)
     a, b = np.triu_indices(len(ids), 1)
     left, above, front = _directions(view, things)
@@ -164,7 +134,7 @@ def _pairs(
     near = (diagonal[:, None] + diagonal[None]) / 2
     under, hidden = _under(things), _hidden(things, areas, hiding)
     angle = _angles(things)
-    met = _contacts(things, apart, near)
+    met = contacts(things, apart, near)
 
     def known(values: Floats) -> tuple[float, ...]:
         return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
@@ -204,43 +174,7 @@ def _pairs(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Contacts:
-    """(n, n) arrays, NaN where unknown: surface and depth above the diagonal; of a on and in b."""
-
-    surface: Floats
-    depth: Floats
-    rest: Floats
-    inside: Floats
-    within: Floats
-
-
-def _contacts(things: _Things, apart: Floats, near: Floats) -> _Contacts:
-    n = len(things.solids)
-    surface, depth, rest, inside, within = np.full((5, n, n), np.nan)
-    inside[:] = 0
-    overlap = np.minimum(things.high[:, None], things.high[None]) - np.maximum(
-        things.low[:, None], things.low[None]
-    )
-    flush = overlap.min(axis=2) < 10.0**-_DIGITS / 2
-    for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
-        one, two = things.solids[a], things.solids[b]
-        surface[a, b] = gap = one.distance_m(two)
-        if gap <= TOUCH_M:
-            rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
-        if gap == 0:
-            depth[a, b] = 0.0 if flush[a, b] else penetration_m(one.corners, two.corners)
-        if apart[a, b] == 0:
-            for i, j in ((a, b), (b, a)):
-                inner, outer = things.solids[i], things.solids[j]
-                inside[i, j] = _inside(inner, outer)
-                if inside[i, j] >= INSIDE and outer.closed:
-                    few = inner.points[:: len(inner.points) // _MOST_POINTS + 1]
-                    within[i, j] = outer.share_within(few)
-    return _Contacts(surface=surface, depth=depth, rest=rest, inside=inside, within=within)
-
-
-def _directions(view: View, things: _Things) -> tuple[Floats, Floats, Floats]:
+def _directions(view: View, things: Things) -> tuple[Floats, Floats, Floats]:
     """(n, n) margins of left of, above, in front of.
 
     Across the picture, extents are seen from the object's own middle depth, and the gap is taken in
@@ -267,7 +201,7 @@ def _gap(low: Floats, high: Floats) -> Floats:
     return np.asarray(np.maximum(before, 0) - np.maximum(before.T, 0))
 
 
-def _under(things: _Things) -> Floats:
+def _under(things: Things) -> Floats:
     """(n, n) how far a is straight below b: the least of the gap and the overlap of their ground.
 
     Things in contact are a centimetre apart, so that what carries another is under it.
@@ -278,7 +212,7 @@ def _under(things: _Things) -> Floats:
     return np.asarray(np.minimum(gap, shared[..., :2].min(axis=2)))
 
 
-def _hidden(things: _Things, areas: NDArray[np.int64], pairs: HiddenPixels) -> Floats:
+def _hidden(things: Things, areas: NDArray[np.int64], pairs: HiddenPixels) -> Floats:
     """(n, n) the share of a's silhouette at which the picture shows b."""
     n = len(things.instances)
     index = np.full(len(areas) + 1, -1)  # the last entry is for holdouts
@@ -291,25 +225,7 @@ def _hidden(things: _Things, areas: NDArray[np.int64], pairs: HiddenPixels) -> F
     return hidden
 
 
-def _rest(things: _Things, a: int, b: int) -> float:
-    """The gap of a above b where a rests there in balance; NaN elsewhere."""
-    if things.high[a, 2] <= things.low[b, 2] + TOUCH_M:
-        return math.nan
-    rest = rest_on(things.solids[a].corners, things.solids[b].corners)
-    return rest.gap_m if rest is not None and rest.balanced else math.nan
-
-
-def _inside(inner: Solid, outer: Solid) -> float:
-    """The share of one in the other's hull; up to a half, of the other's box, which is no less."""
-    low, high = outer.points.min(axis=0), outer.points.max(axis=0)
-    slack = (inner.points >= low - HULL_SLACK_M) & (inner.points <= high + HULL_SLACK_M)
-    share = float(slack.all(axis=1).mean())
-    if share <= 0.5:
-        return share
-    return math.nan if outer.planes is None else share_inside(inner.points, outer.planes)
-
-
-def _angles(things: _Things) -> Floats:
+def _angles(things: Things) -> Floats:
     """(n, n) angles between a's front and the way to b; NaN where it has none."""
     middle = things.middle
     return facing_angles_deg(things.fronts[:, None], middle[None] - middle[:, None])

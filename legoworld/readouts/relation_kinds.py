@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
-from legoworld.readouts.relation_facts import INSIDE, TOUCH_M
+from legoworld.readouts.relation_contacts import INSIDE, TOUCH_M
 from legoworld.records.relations import FactObject, FactPairs, Facts
 from legoworld.records.track import Designator, Which
 

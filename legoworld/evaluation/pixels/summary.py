@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -104,7 +104,7 @@ def group_columns(rows: Sequence[PixelRow]) -> dict[str, int]:
     return {name: k for k, name in enumerate(sorted({row.group for row in rows}))}
 
 
-def group_draws(columns: dict[str, int], draws: int, seed: int) -> NDArray[np.int32] | None:
+def group_draws(columns: Mapping[str, int], draws: int, seed: int) -> NDArray[np.int32] | None:
     """Draws over groups, (draws, groups); None where there are fewer than two."""
     return resample_counts(len(columns), draws, seed) if len(columns) > 1 else None
 
@@ -112,7 +112,7 @@ def group_draws(columns: dict[str, int], draws: int, seed: int) -> NDArray[np.in
 def mean_samples(
     values: NDArray[np.float64],
     rows: Sequence[PixelRow],
-    columns: dict[str, int],
+    columns: Mapping[str, int],
     counts: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """(draws,) means of the rows' values, each weighted by how often its group was drawn."""
