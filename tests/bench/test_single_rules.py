@@ -15,6 +15,7 @@ from scene.by_hand import CAMERA, RENDER
 
 from legoworld.bench import case as case_module
 from legoworld.bench import dataset, family
+from legoworld.bench.admission import Admission
 from legoworld.bench.case import CaseRefusedError, public_hfov_deg, reference_joints
 from legoworld.bench.family import MadeCase, MadeFamily, MakeOptions
 from legoworld.bench.noise import noise_floor
@@ -218,3 +219,22 @@ def test_two_scenes_of_one_family_are_refused():
     dataset._refuse_equal_names([made_family("a"), made_family("b")])
     with pytest.raises(CatalogError, match="two reference scenes are of one family; found: b"):
         dataset._refuse_equal_names([made_family(name) for name in "abcb"])
+
+
+def test_places_and_bytes_are_given_back_once(tmp_path):
+    room = Admission(tmp_path, 2, 100)
+    one = room.take(spool_bytes=60)
+    assert one is not None
+    assert room.take(spool_bytes=41) is None, "no room for its bytes"
+    other = room.take(spool_bytes=40)
+    assert other is not None
+    assert one.folder != other.folder
+    assert room.take() is None, "no place"
+    assert (room.places, room.spool_bytes) == (2, 100)
+    for _ in range(2):
+        one.release()
+        assert (room.places, room.spool_bytes) == (1, 40)
+    assert room.take(2) is None
+    alone = room.take()
+    assert alone is not None
+    assert alone.folder is None

@@ -22,6 +22,7 @@ from legoworld.scene.blender.joints import _property_text
 from legoworld.scene.blender.materials import _luminance
 from legoworld.scene.blender.meshes import Triangles
 from legoworld.scene.blender.shader_links import UnreadableAlphaError
+from legoworld.scene.blender.strands import _radii
 
 #: Two triangles of a square that is one face: the corners are vertices 3, 2, 1, 0.
 CORNERS = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
@@ -210,3 +211,20 @@ def test_angles_turn_about_x_then_y_then_z():
     assert _rotation((0.0, 0.0, right)) @ (1, 0, 0) == pytest.approx((0, 1, 0))
     assert _rotation((right, right, 0.0)) @ (0, 1, 0) == pytest.approx((1, 0, 0))
     assert _rotation((right, 0.0, right)) @ (0, 1, 0) == pytest.approx((0, 0, 1))
+
+
+@pytest.mark.parametrize(
+    ("shape", "power"), [(0.0, 1.0), (-0.5, 0.5), (0.5, 2.0), (0.75, 4.0), (-1.0, 0.0)]
+)
+def test_a_strand_is_thinner_towards_its_tip_by_its_shape(shape, power):
+    """Cycles' shaperadius: negative shapes are thick for long, positive ones soon thin."""
+    settings = SimpleNamespace(shape=shape, radius_scale=0.2, root_radius=1.0, tip_radius=0.5,
+                               use_close_tip=False)  # fmt: skip
+    points = np.zeros((2, 3, 3))
+    points[0, :, 2] = 0.0, 1.0, 4.0  # a fourth of its way, then its end
+    found = _radii(settings, points)
+    left = np.array([1.0, 0.75, 0.0]) ** power
+    assert found[0] == pytest.approx(0.05 + 0.05 * left)
+    assert found[1] == pytest.approx([0.1] * 3), "a strand without a length"
+    settings.use_close_tip = True
+    assert _radii(settings, points)[:, -1].tolist() == [0.0, 0.0]
