@@ -143,7 +143,10 @@ TESTED_WITH = {
     "extras": "test_docs.py",
 }
 #: Folders of tests that are about no room: what they are about is in tests/README.md.
-OF_NO_ROOM = {"agreement", "baseline_programs", "cases", "cluster", "outside", "packaging", "real"}
+OF_NO_ROOM = {
+    "agent_programs", "agreement", "baseline_programs", "cases", "cluster", "outside", "packaging",
+    "real",
+}  # fmt: skip
 
 
 def test_every_room_is_tested_under_its_name():
