@@ -37,7 +37,10 @@ if TYPE_CHECKING:
     from legoworld.api.scoring import Answers, Truth
     from legoworld.evaluation.family import LiveTruth
 
+    _Run = str | Path | Answers
+    _Folder = str | Path | None
     _Truth = Truth | LiveTruth
+    _Truths = Mapping[str, str | Path]
     M = TypeVar("M", default=dict[str, Any], covariant=True)
 else:
     from typing import TypeVar
@@ -151,47 +154,36 @@ class EvaluationOptions(TypedDict, total=False):
     listener: Listener
 
 
+_Options = EvaluationOptions
+
+
 @overload
 def evaluate(
-    run: str | Path | Answers,
-    output: str | Path | None = ...,
-    *,
-    truth: _Truth,
-    task: NumberTask,
-    **options: Unpack[EvaluationOptions],
+    run: _Run, output: _Folder = ..., *, truth: _Truth, task: NumberTask, **given: Unpack[_Options]
 ) -> Evaluation[Numbers]: ...
 @overload
 def evaluate(
-    run: str | Path | Answers,
-    output: str | Path | None = ...,
-    *,
-    truth: _Truth,
-    task: PolicyTask,
-    **options: Unpack[EvaluationOptions],
+    run: _Run, output: _Folder = ..., *, truth: _Truth, task: PolicyTask, **given: Unpack[_Options]
 ) -> Evaluation[NumbersByPolicy]: ...
 @overload
 def evaluate(
-    run: str | Path | Answers,
-    output: str | Path | None = ...,
+    run: _Run,
+    output: _Folder = ...,
     *,
     truth: _Truth,
     task: str | None = ...,
-    **options: Unpack[EvaluationOptions],
+    **given: Unpack[_Options],
 ) -> Evaluation: ...
 @overload
 def evaluate(
-    run: str | Path,
-    output: str | Path,
-    *,
-    truth: Mapping[str, str | Path],
-    **options: Unpack[EvaluationOptions],
+    run: str | Path, output: str | Path, *, truth: _Truths, **given: Unpack[_Options]
 ) -> ByTask[Evaluation]: ...
 @partial(check_arguments, but=("run", "output", "truth"))
 def evaluate(
-    run: str | Path | Answers,
-    output: str | Path | None = None,
+    run: _Run,
+    output: _Folder = None,
     *,
-    truth: _Truth | Mapping[str, str | Path],
+    truth: _Truth | _Truths,
     task: str | None = None,
     evaluator: EvaluatorKind | None = None,
     camera_model: Literal["none", "dataset"] | None = None,
@@ -248,7 +240,7 @@ def evaluate(
     source, top = parse_place(run), parse_place(cast("str | Path", output))
     if not isinstance(truth, Mapping):
         return request.evaluate(source, top, Path(cast("str | Path", truth)), given, task)
-    truths = cast("Mapping[str, str | Path]", truth)
+    truths = cast("_Truths", truth)
     refuse_result_at(top, EVIDENCE, "the evaluations of several tasks")
     by_task = options_by_task(list(truths), **given)
     found: dict[str, Evaluation] = {}
@@ -282,7 +274,7 @@ class _Request:
         self,
         answers: Answers,
         truth: _Truth,
-        output: str | Path | None,
+        output: _Folder,
         given: Mapping[str, Any],
         task: str | None,
     ) -> Evaluation:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, TypedDict
+from typing import Final
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
@@ -33,15 +33,6 @@ from legoworld.tracks.track import Track, load_track, photo_names
 Say = Callable[[str], None]
 #: Number of tie orders; one image has no bootstrap.
 _DRAWS: Final = 200
-
-
-class PhotoOptions(TypedDict):
-    """The values of a `PhotoRequest` that a command passes through."""
-
-    truth: Path
-    image: str | None
-    source: Source
-    limits: Limits
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -64,6 +65,12 @@ def open_track(track: Track | str | Path) -> Track:
     return track if isinstance(track, Track) else load_track(Path(track))
 
 
+@cache
+def _protocol(task: str) -> Protocol:
+    """A task's protocol with the shipped vocabulary, read once: its files do not change."""
+    return protocol(task, None)
+
+
 def load_protocol(task: str | None, track: Track | str | Path | None) -> Protocol | None:
     """The protocol of a task with a track's vocabulary; the track may also record the task.
 
@@ -73,7 +80,7 @@ def load_protocol(task: str | None, track: Track | str | Path | None) -> Protoco
     if not isinstance(task, str | None):
         raise UsageError("one view is of one task", found=repr(task)[:100], expected="its name")
     if track is None:
-        return None if task is None else protocol(task, None)
+        return None if task is None else _protocol(task)
     images = open_track(track)
     chosen = task or images.made_for
     if chosen is None:

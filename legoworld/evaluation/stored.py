@@ -36,7 +36,7 @@ from legoworld.records.run_file import ImageSource, RunView, UsedTruth
 from legoworld.records.run_rows import RunRow
 
 if TYPE_CHECKING:
-    from legoworld.records.depth import DepthRow, DepthSummary
+    from legoworld.records.depth import DepthSummary
     from legoworld.records.evaluation_rows import DetectionRow
     from legoworld.records.evaluation_summary import DetectionSummary
     from legoworld.records.reconstruction import ReconstructionRow, ReconstructionSummary
@@ -103,11 +103,6 @@ class StoredEvaluation:
     def detection_rows(self) -> list[DetectionRow]:
         """The rows, of boxes or masks."""
         return cast("list[DetectionRow]", list(self.rows))
-
-    @property
-    def depth_rows(self) -> list[DepthRow]:
-        """The rows, of depth."""
-        return cast("list[DepthRow]", list(self.rows))
 
     @property
     def used_truth(self) -> UsedTruth | None:

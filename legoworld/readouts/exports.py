@@ -14,7 +14,8 @@ from legoworld.visibility.view import View
 
 def select_exported(instances: Sequence[Instance], view: View) -> list[Instance]:
     """The exported instances: in the vocabulary, with at least one visible pixel."""
-    return [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
+    area_px = view.area_px.tolist()
+    return [i for i in instances if i.category is not None and area_px[i.id]]
 
 
 def box_exports(image_id: int, instances: Sequence[Instance], view: View) -> list[Export]:
@@ -62,5 +63,5 @@ def _category_id(instance: Instance) -> int:
 
 def bbox_xywh_px(view: View, instance_id: int) -> tuple[int, int, int, int]:
     """The extent of an instance's visible pixels: x, y, width, height at pixel edges."""
-    x0, y0, x1, y1 = (int(v) for v in view.bbox_xyxy_px[instance_id])
+    x0, y0, x1, y1 = view.bbox_xyxy_px[instance_id].tolist()
     return x0, y0, x1 - x0, y1 - y0

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import legoworld
 from legoworld import cli
 from legoworld.bench import family as family_making
 from legoworld.bench.family import MakeOptions, lost_family
@@ -127,6 +128,17 @@ def test_the_reference_submitted_as_itself_has_its_own_surface(made):
         assert (surface["depth_z_m"] == raster["depth_z_m"]).all()
         assert (np.isfinite(raster["depth_z_m"]) == (raster["instance"] >= 0)).all()
         assert "own_depth_z_m" not in surface
+
+
+def test_the_cameras_of_a_family_are_views_of_its_one_file(made, references):
+    """The bytes of a file for each camera: the hard tier has every object."""
+    family = legoworld.open_scene(references / "den")
+    seen = family.views(["Camera", "Left"], size_wh=(96, 54))
+    for number, view in enumerate(seen):
+        stem = f"den__hard__view_{number:02d}"
+        alone = legoworld.open_scene(made / "itself" / stem).view(size_wh=(96, 54))
+        assert view.instance.tobytes() == alone.instance.tobytes()
+        assert view.depth_z_m.tobytes() == alone.depth_z_m.tobytes()
 
 
 def test_bytes_are_the_same_from_one_worker_and_two(references, made, build_scenes, tmp_path):

@@ -78,6 +78,25 @@ def test_colmap_models_against_pycolmap(tmp_path, camera, fisheye, coefficients)
     np.testing.assert_allclose((ours - [read.cx, read.cy]) / [read.fx, read.fy], rays, atol=1e-6)
 
 
+def test_eth3d_s_two_calibrations_of_courtyard_agree(tmp_path):
+    """Camera 0 of dslr_calibration_jpg, and the size and centre of its undistorted picture."""
+    lens = ".21047 .21102 -5.36231e-06 .00051541 -.158023 .406856 -8.46499e-05 .000861313"
+    numbers = f"6048 4032 3411.42 3410.02 3041.29 2014.07 {lens}"
+    (read,) = read_camera_file(colmap(tmp_path, camera=f"1 THIN_PRISM_FISHEYE {numbers}"))
+    corners = np.array([(x, y) for y in (0.0, 4032.0) for x in (0.0, 6048.0)])
+    ours = undistorted(read.lens, (read.fx, read.fy), (read.cx, read.cy), corners).xy_px
+    theirs = [(x, y) for y in (0, 4129) for x in (0, 6198)]
+    shifted = ours - (read.cx, read.cy) + (3116.72, 2062.52)
+    np.testing.assert_allclose(shifted, theirs, atol=5)  # their edges are cut to what is seen
+    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    params = [*map(float, numbers.split()[2:])]
+    camera = pycolmap.Camera(model="THIN_PRISM_FISHEYE", width=6048, height=4032, params=params)
+    pixels = np.random.default_rng(0).uniform((0, 0), (6048, 4032), (200, 2))
+    found = undistorted(read.lens, (read.fx, read.fy), (read.cx, read.cy), pixels).xy_px
+    rays = (found - (read.cx, read.cy)) / (read.fx, read.fy)
+    np.testing.assert_allclose(rays, camera.cam_from_img(pixels), atol=1e-8)
+
+
 def test_colmap_in_binary_says_the_same(tmp_path):
     text = colmap(tmp_path / "text", pose="0.5 0.5 -0.5 0.5 1 2 3")
     folder = tmp_path / "binary"
