@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import (
+    NOTHING,
     VALID,
     Submission,
     sha256,
@@ -26,7 +27,7 @@ from legoworld.evaluation.reconstruction.integrity import scale_flags
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.second_card import above_empty
 from legoworld.records.second_card import OWN
-from legoworld.records.submission import Check, ImageTexture, Integrity
+from legoworld.records.submission import Check, ImageTexture, Integrity, TextBlock
 from legoworld.workers.tasks import WorkerPool
 
 CARD = load_card("bench-x")
@@ -138,6 +139,15 @@ def test_what_is_not_valid_is_zero_and_without_a_render_a_x_is_undefined(dataset
     row = scored(dataset, tmp_path / "blind", Submission(no_render=True))
     assert row["x"]["A_x"] is None
     assert row["x"]["R_x"] == 1.0
+
+
+def test_text_blocks_alone_are_no_flag(dataset, tmp_path):
+    text = TextBlock(name="run.py", characters=8, registers=False)
+    told = replace(NOTHING, texts=(text,))
+    assert scored(dataset, tmp_path / "alone", Submission(integrity=told))["flags"] == []
+    with_dust = Submission(integrity=told, surface_differs=0.5)
+    row = scored(dataset, tmp_path / "dust", with_dust)
+    assert kinds(row) == {"text_blocks", "surface_not_in_picture"}
 
 
 def test_r_above_empty():
