@@ -25,7 +25,7 @@ from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.integrity import scale_flags
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.evaluation.reconstruction.second_card import above_empty
+from legoworld.evaluation.reconstruction.second_card import above_empty, within
 from legoworld.records.second_card import OWN
 from legoworld.records.submission import Check, ImageTexture, Integrity, TextBlock
 from legoworld.workers.tasks import WorkerPool
@@ -222,3 +222,21 @@ def test_a_picture_is_known_as_a_negative_and_in_little_detail():
     assert set(flags) == {"same", "negative", "noisy"}
     assert flags["negative"].measured == pytest.approx(flags["same"].measured)
     assert "64x36" not in flags["noisy"].what
+
+
+def test_within_is_what_every_pair_says():
+    random = np.random.default_rng(0)
+    for _ in range(300):
+        n, m = random.integers(1, 120, 2)
+        size = 10 ** random.uniform(-3, 3, 3)
+        points, targets = ((random.normal(size=(k, 3)) * size).astype(np.float32) for k in (n, m))
+        tau = float(10 ** random.uniform(-3, 3))
+        apart = (points[:, None].astype(np.float64) - targets[None].astype(np.float64)) ** 2
+        nearest = (apart[..., 0] + apart[..., 1] + apart[..., 2]).min(axis=1)
+        assert np.array_equal(within(points, targets, tau), nearest <= tau * tau)
+    one = np.zeros((1, 3), np.float32)
+    line = np.zeros((5, 3), np.float32)
+    line[:, 0] = (-2, -1, 0, 1, 2)
+    assert within(line, one, 1.0).tolist() == [False, True, True, True, False]
+    assert within(line, one[:0], 1.0).tolist() == [False] * 5
+    assert within(one[:0], line, 1.0).shape == (0,)
