@@ -371,6 +371,14 @@ def window_shell(case: Case) -> None:
     made.data.materials[0] = emission("window", inverted_picture(case, "Window"))
 
 
+def shell_in_grey(case: Case) -> None:
+    """A shell before the photo's mean colour, so that a second view has no black in it."""
+    shell(case, smooth_error(case.depth_z_m))
+    mean = photo_colours(case).reshape(-1, 3).mean(axis=0)
+    background = bpy.context.scene.world.node_tree.nodes["Background"]
+    background.inputs[0].default_value = (*mean, 1.0)
+
+
 def thick_shell(case: Case) -> None:
     """A shell with a second one behind it and walls at every step: no surface is only a front."""
     depth = smooth_error(case.depth_z_m)
@@ -425,6 +433,7 @@ CHEATS: dict[str, Callable[[Case], Any]] = {
     "shell of a network": lambda case: shell(case, monocular(case.depth_z_m)),
     "shell by window": window_shell,
     "shell of tiles": tiled_shell,
+    "shell before grey": shell_in_grey,
     "shell made thick": thick_shell,
     "cutouts": cutouts,
     "two views": two_views,

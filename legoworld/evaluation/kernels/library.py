@@ -29,6 +29,7 @@ _FUNCTIONS: Final = (
     "lw_random_orders",
     "lw_resample",
     "lw_voxels",
+    "lw_within",
 )
 
 

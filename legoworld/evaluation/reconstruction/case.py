@@ -131,6 +131,8 @@ def _with_second_card(
         picture = _reference_picture(task, (width, height))
         facts = task.row.integrity
         flags += integrity.scale_flags(facts, surface.textures, picture, rules.scales)
+    if all(flag.kind == "text_blocks" for flag in flags):
+        flags = []  # scripts never run: a scene's own text alone says nothing
     return replace(row, x=scores, flags=tuple(flags))
 
 

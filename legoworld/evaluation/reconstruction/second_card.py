@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -10,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
+from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.evaluation.reconstruction import appearance
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders, read_record
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
@@ -202,11 +203,17 @@ def within(
     points_m: NDArray[np.float32], targets_m: NDArray[np.float32], tau_m: float
 ) -> NDArray[np.bool_]:
     """(N,) whether a point has a target within tau."""
-    if not len(points_m) or not len(targets_m):
-        return np.zeros(len(points_m), bool)
-    tree = KDTree(targets_m, balanced_tree=False, compact_nodes=False)
-    distance, _ = tree.query(points_m, distance_upper_bound=tau_m * (1 + 1e-6))
-    return np.asarray(distance <= tau_m, bool)
+    near = np.zeros(len(points_m), np.uint8)
+    if len(points_m) and len(targets_m):
+        points, targets = (np.ascontiguousarray(c, np.float32) for c in (points_m, targets_m))
+        check(
+            library().lw_within(
+                pointer(points), ctypes.c_int64(len(points)),
+                pointer(targets), ctypes.c_int64(len(targets)),
+                ctypes.c_double(tau_m), pointer(near),
+            )
+        )  # fmt: skip
+    return near.view(bool)
 
 
 def second_flags(scores: XScores, r: float, a: float | None, rules: XRules) -> Iterator[Flag]:

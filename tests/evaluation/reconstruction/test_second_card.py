@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import (
+    NOTHING,
     VALID,
     Submission,
     sha256,
@@ -24,9 +25,9 @@ from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.integrity import scale_flags
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.evaluation.reconstruction.second_card import above_empty
+from legoworld.evaluation.reconstruction.second_card import above_empty, within
 from legoworld.records.second_card import OWN
-from legoworld.records.submission import Check, ImageTexture, Integrity
+from legoworld.records.submission import Check, ImageTexture, Integrity, TextBlock
 from legoworld.workers.tasks import WorkerPool
 
 CARD = load_card("bench-x")
@@ -140,6 +141,15 @@ def test_what_is_not_valid_is_zero_and_without_a_render_a_x_is_undefined(dataset
     assert row["x"]["R_x"] == 1.0
 
 
+def test_text_blocks_alone_are_no_flag(dataset, tmp_path):
+    text = TextBlock(name="run.py", characters=8, registers=False)
+    told = replace(NOTHING, texts=(text,))
+    assert scored(dataset, tmp_path / "alone", Submission(integrity=told))["flags"] == []
+    with_dust = Submission(integrity=told, surface_differs=0.5)
+    row = scored(dataset, tmp_path / "dust", with_dust)
+    assert kinds(row) == {"text_blocks", "surface_not_in_picture"}
+
+
 def test_r_above_empty():
     assert above_empty(1.0, 0.3) == 1.0
     assert above_empty(0.3, 0.3) == 0.0
@@ -212,3 +222,21 @@ def test_a_picture_is_known_as_a_negative_and_in_little_detail():
     assert set(flags) == {"same", "negative", "noisy"}
     assert flags["negative"].measured == pytest.approx(flags["same"].measured)
     assert "64x36" not in flags["noisy"].what
+
+
+def test_within_is_what_every_pair_says():
+    random = np.random.default_rng(0)
+    for _ in range(300):
+        n, m = random.integers(1, 120, 2)
+        size = 10 ** random.uniform(-3, 3, 3)
+        points, targets = ((random.normal(size=(k, 3)) * size).astype(np.float32) for k in (n, m))
+        tau = float(10 ** random.uniform(-3, 3))
+        apart = (points[:, None].astype(np.float64) - targets[None].astype(np.float64)) ** 2
+        nearest = (apart[..., 0] + apart[..., 1] + apart[..., 2]).min(axis=1)
+        assert np.array_equal(within(points, targets, tau), nearest <= tau * tau)
+    one = np.zeros((1, 3), np.float32)
+    line = np.zeros((5, 3), np.float32)
+    line[:, 0] = (-2, -1, 0, 1, 2)
+    assert within(line, one, 1.0).tolist() == [False, True, True, True, False]
+    assert within(line, one[:0], 1.0).tolist() == [False] * 5
+    assert within(one[:0], line, 1.0).shape == (0,)
