@@ -37,6 +37,7 @@ ODD: Final[dict[str, tuple[Any, ...]]] = {
     "camera_model": ("pinhole", 7),
     "reference_sampling": (7, []),
     "sky": (7, []),
+    "vocabulary": (7, [], "no such vocabulary"),
     "variant": ("smooth", 7, []),
     "size_wh": NO_SIZES,
     "shard": ((0, 1), (2, 1), 1, (1,), (1.0, 2), ("1", "2"), (True, 2), "1/2"),
