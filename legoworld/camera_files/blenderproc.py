@@ -40,7 +40,8 @@ def read_hdf5(paths: list[Path]) -> list[Camera]:
     made = []
     for path in paths:
         try:
-            with h5py.File(path, "r") as file:
+            with h5py.File(path, "r") as opened:
+                file: Any = opened  # its items are groups, arrays or types
                 pictures = [file[name].shape for name in _PICTURES if name in file]
                 (pose,) = decode(list[_Pose], bytes(file["campose"][()]))
             height, width = next(shape[:2] for shape in pictures if len(shape) in (2, 3))

@@ -96,7 +96,9 @@ def command(
     """
     if isinstance(run, Path) and run.is_file():
         options.refuse_given(_NOT_OF_POSES, "is not for poses")
-        return _score_poses(run, parse_truths(run, truths), output, out, given["overwrite"])
+        return _score_poses(
+            run, parse_truths(run, truths), output, out, given.get("overwrite", False)
+        )
     from legoworld.api.evaluation import Evaluation, evaluate
 
     with _open_listener(out) as given["listener"]:
