@@ -7,7 +7,7 @@ centre of the first pixel at 0. The picture's size is that of the arrays beside 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from legoworld import extras
 from legoworld.camera_files.nerfstudio import pose_of_opengl
