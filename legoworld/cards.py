@@ -15,7 +15,7 @@ from legoworld.files import Json, sha256_of_file, sha256_of_text
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.cards import ReadoutCard
 from legoworld.shipped import catalog
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 
 T = TypeVar("T")
 
@@ -103,14 +103,14 @@ class Card:
 def load_card(task: str) -> Card:
     """The card of a task."""
     shipped = catalog.folder("readouts") / f"{task}.toml"
-    return read_card(task_named(task).card or shipped, task)
+    return read_card(require_task(task).card or shipped, task)
 
 
 def read_card(path: Path, task: str) -> Card:
     """Read a card; InstallationError when a fixed value is not the one the code implements."""
     card = read_values(path, task)
     names = {"readout.name": task, "readout.task": task}
-    card.hold_to({**names, **_FIXED, **task_named(task).fixed})
+    card.hold_to({**names, **_FIXED, **require_task(task).fixed})
     return card
 
 

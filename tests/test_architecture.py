@@ -90,6 +90,48 @@ def test_imports_point_one_way(path):
             assert LEVEL[room(module)] <= LEVEL[own], f"{own} imports {module}"
 
 
+#: Lines of Python a room may have: its ceiling, which only falls. Smaller rooms have the last.
+MOST_LINES = {
+    "agents": 2800,
+    "api": 5650,
+    "baselines": 5350,
+    "bench": 2900,
+    "commands": 5000,
+    "comparison": 2850,
+    "depth_files": 700,
+    "endpoint": 1450,
+    "evaluation": 18050,
+    "exports": 1050,
+    "plugin": 6200,
+    "readouts": 3200,
+    "records": 7800,
+    "report": 5800,
+    "running": 2800,
+    "scene": 12350,
+    "solids": 550,
+    "tasks": 550,
+    "track_making": 1050,
+    "tracks": 850,
+    "trajectories": 2200,
+    "visibility": 2250,
+    "workers": 2350,
+}
+MOST_LINES_OF_SMALL = 450
+
+
+def test_no_room_outgrows_its_ceiling():
+    """What is added to a full room pays by what is taken away in it."""
+    lines = dict.fromkeys(LEVEL, 0)
+    for path in FILES:
+        own = path.relative_to(PACKAGE).with_suffix("").parts[0]
+        if own in LEVEL:
+            lines[own] += len(path.read_text(encoding="utf-8").splitlines())
+    most = {name: MOST_LINES.get(name, MOST_LINES_OF_SMALL) for name in LEVEL}
+    assert {name: n for name, n in lines.items() if n > most[name]} == {}
+    slack = sum(most[name] - lines[name] for name in MOST_LINES)
+    assert slack < 6000, "lower the ceilings of the rooms that became smaller"
+
+
 def test_no_room_imports_the_package_itself():
     """Its names are those of the API, which stands above: the version is on the ground."""
     found = []
@@ -191,26 +233,26 @@ def test_what_only_a_cluster_s_environment_has_is_used_by_its_tests_alone():
         assert "mark.cluster" in path.read_text(encoding="utf-8"), path
 
 
-#: Where a task or a family is at home, and where its name means something else.
+#: Where the name of a task or a family stands as a text all the same, how often and why: a number
+#: here only falls.
 AT_HOME = {
-    "tasks/shipped.py": "the table itself",
-    "bench": "the room of the bench alone",
-    "evaluation/detection/lvis_package.py": "the package of that name",
-    "evaluation/detection/evaluators.py": "the package of that name",
-    "records/folders/evaluation_folder.py": "packages",
-    "report/provenance.py": "packages",
-    "records/bench_dataset.py": "a file's own word for what it is",
-    "records/bench_results.py": "a judge's word for what is judged",
-    "records/second_card.py": "a file's own word for what it is",
-    "records/formats.py": "a name of a file format",
-    "evaluation/reconstruction/articulation_card.py": "a card's own word",
-    "commands/bench_command.py": "the command of that name",
-    "cli.py": "the command of that name",
-    "commands/export_command.py": "a file format",
-    "exports/formats.py": "a file format",
-    "api/coco_export.py": "a file format",
-    "report/page_file.py": "a key of the page",
-    "commands/demo_command.py": "the tasks that the examples have ground truth for",
+    "api/coco_export.py": (3, "a file format"),
+    "bench": (9, "the room of the bench alone"),
+    "cli.py": (1, "the command of that name"),
+    "commands/bench_command.py": (1, "the command of that name"),
+    "commands/demo_command.py": (2, "the tasks that the examples have ground truth for"),
+    "commands/export_command.py": (1, "a file format"),
+    "evaluation/detection/evaluators.py": (2, "the package of that name"),
+    "evaluation/detection/lvis_package.py": (4, "the package of that name"),
+    "evaluation/reconstruction/articulation_card.py": (1, "a card's own word"),
+    "exports/formats.py": (4, "a file format"),
+    "records/bench_dataset.py": (2, "a file's own word for what it is"),
+    "records/bench_results.py": (1, "a judge's word for what is judged"),
+    "records/folders/evaluation_folder.py": (1, "packages"),
+    "records/formats.py": (1, "a name of a file format"),
+    "records/second_card.py": (1, "a file's own word for what it is"),
+    "report/page_file.py": (1, "a key of the page"),
+    "report/provenance.py": (1, "packages"),
 }
 
 
@@ -223,17 +265,16 @@ def test_no_room_but_its_own_names_a_task_or_a_family():
     names = {task.name for task in TASKS} | {task.dataset.name for task in TASKS}
     names |= {task.family.name for task in TASKS}
     names -= A_WORD
-    found: list[str] = []
+    found: dict[str, list[str]] = {}
     for path in FILES:
         inside = path.relative_to(PACKAGE)
-        if str(inside) in AT_HOME or inside.parts[0] in AT_HOME:
-            continue
-        found += [
-            f"{inside}:{node.lineno}: {node.value!r}"
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Constant) and node.value in names
-        ]
-    assert found == []
+        home = inside.parts[0] if inside.parts[0] in AT_HOME else str(inside)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and node.value in names:
+                found.setdefault(home, []).append(f"{inside}:{node.lineno}: {node.value!r}")
+    del found["tasks/shipped.py"]  # the table itself
+    allowed = {home: n for home, (n, _) in AT_HOME.items()}
+    assert {home: len(places) for home, places in found.items()} == allowed, found
 
 
 #: Modules that are about a dataset or a file format, not about a family.

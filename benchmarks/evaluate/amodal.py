@@ -22,6 +22,7 @@ from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.family import EvaluationRequest
 from legoworld.tracks.vocabulary import from_json
 
 SIZE_WH = (640, 480)
@@ -49,7 +50,8 @@ def main() -> int:
         write_run(run, truth, predictions)
         file.write_text(json.dumps(truth))
         begin = time.process_time()
-        summary = evaluate_detections(run, file, Path(folder, "e"), draws=args.draws).summary
+        request = EvaluationRequest(run=run, truth=file, output=Path(folder, "e"), draws=args.draws)
+        summary = evaluate_detections(request).summary
         print(f"    evaluate     {time.process_time() - begin:7.2f} CPU s")
     if list(summary.official) != official:
         raise SystemExit("the numbers differ")

@@ -16,6 +16,7 @@ import ctypes
 import dataclasses
 import random
 import statistics
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -29,8 +30,11 @@ from legoworld.visibility.kernel import Surfaces, render
 from legoworld.visibility.layers import amodal_layers, direct_occluders, occluders
 from legoworld.visibility.normals import render_normals
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.triangles import triangles
 from legoworld.visibility.view import View
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+
+from visibility.kernel_hits import triangles
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

@@ -29,7 +29,7 @@ def blender_stages(blend: Path, output: Path) -> dict[str, float]:
     for name in ("open_blend", "visit_render_state", "walk"):
         setattr(extract, name, _timed(getattr(extract, name), name, spent))
     began = time.perf_counter()
-    snapshot = extract.snapshot_of_blend(blend)
+    snapshot = extract.read_blend_snapshot(blend)
     total = time.perf_counter() - began
     began = time.perf_counter()
     save(snapshot, output)

@@ -26,7 +26,7 @@ from legoworld.records.folders.read_run import RUN
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import RunFile
 from legoworld.records.run_rows import RunImage
-from legoworld.visibility.cuboids import box_of_corners, extent_px, lines_px
+from legoworld.visibility.cuboids import extent_px, lines_px, measure_cuboid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +129,7 @@ def _omni3d(run: Run, photos: list[_Photo], names: Mapping[int, str]) -> Any:
 
 def _annotation(one: Prediction, photo: _Photo, name: str) -> dict[str, Any]:
     corners = corners_of(one)
-    center, axes, (length, height, width) = box_of_corners(corners)
+    center, axes, (length, height, width) = measure_cuboid(corners)
     lines = lines_px(corners, photo.intrinsics)
     points = np.array(lines or [[UNKNOWN] * 4]).reshape(-1, 2)
     x, y, w, h = extent_px(lines, photo.size_wh)

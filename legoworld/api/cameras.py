@@ -14,7 +14,7 @@ from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.camera_files.read import read_camera_file
 from legoworld.errors import UsageError
 from legoworld.scene.snapshot import RenderSettings, SceneCamera
-from legoworld.visibility.posed_camera import Camera, Pose, camera_of_scene
+from legoworld.visibility.posed_camera import Camera, Pose, place_scene_camera
 
 F64 = NDArray[np.float64]
 #: How far a rotation may be from one: that of float32, or of a file with six digits.
@@ -56,7 +56,7 @@ def named_cameras(
                 )
             camera = known[camera]
         if isinstance(camera, SceneCamera):
-            made.append(camera_of_scene(camera, render, size_wh or render.size_wh))
+            made.append(place_scene_camera(camera, render, size_wh or render.size_wh))
         elif isinstance(camera, Camera):
             made.append(camera)
         else:

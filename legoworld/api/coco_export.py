@@ -50,9 +50,8 @@ from legoworld.records.predictions import Box, Prediction, Rle
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import family_tasks, find_family
 from legoworld.tasks.shipped import DETECTION
-from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.track import Track
-from legoworld.tracks.vocabulary import Category, Vocabulary, load
+from legoworld.tracks.vocabulary import Category, Vocabulary, find_dataset, load
 
 
 @check_arguments

@@ -23,7 +23,7 @@ from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import Coverage, Summary
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_image_rows, read_summary
 from legoworld.remote import Place
-from legoworld.tasks.registry import find_family, task_named
+from legoworld.tasks.registry import find_family, require_task
 from legoworld.tasks.shipped import NumberTask, PolicyTask
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.tasks import WorkerPool
@@ -331,6 +331,6 @@ class _Request:
 
 
 def _refuse_other(what: str, place: Place, task: str, expected: str | None) -> None:
-    if expected is not None and task != task_named(expected).name:
+    if expected is not None and task != require_task(expected).name:
         name = PurePosixPath(str(place)).name
         raise UsageError(f"{name}/ holds another {what}", found=task, expected=expected)

@@ -24,7 +24,7 @@ from legoworld.running.readout_run import RunRequest
 from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
-from legoworld.scene.folder import Source, scene_at, source_of
+from legoworld.scene.folder import Source, file_source, scene_at
 from legoworld.scene.programs.execution import execute
 from legoworld.track_making.family import load_track_family as track_source
 from legoworld.track_making.make_track import make_track
@@ -79,7 +79,7 @@ def score_photo(request: PhotoRequest, output: Path, say: Say, trace: Say) -> Ph
         say(f"running {scene.name}")
         scene = output / "scene"
         execution = execute(request.program_or_scene, scene, limits=request.limits, picture=False)
-    request = replace(request, source=source_of(scene, request.source))
+    request = replace(request, source=file_source(scene, request.source))
     reading = protocol(request.task, track.vocabulary)
     say("reading the scene")
     row = _read(request, scene, track, reading, output / "run", say, trace)

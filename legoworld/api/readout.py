@@ -35,8 +35,8 @@ from legoworld.running.image_record import ImageOptions
 from legoworld.running.readout_run import RunRequest, shard_images
 from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.folder import BLEND, GLB, Source, is_scene_file, source_of
-from legoworld.tracks.track import Track, TrackImage, folders_without_scene, track_of_folder
+from legoworld.scene.folder import BLEND, GLB, Source, file_source, is_scene_file
+from legoworld.tracks.track import Track, TrackImage, folders_without_scene, make_folder_track
 from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
@@ -183,10 +183,10 @@ def readout(
         refuse_result_at(top, CONFIGURATION, "the runs of several tasks")
     lone = isinstance(place, Path) and is_scene_file(place)
     if isinstance(place, Path):
-        source = source_of(place, source)
+        source = file_source(place, source)
     every = track
     if every is None:
-        every = _track_of_file(Path(place)) if lone else track_of_folder(place)
+        every = _track_of_file(Path(place)) if lone else make_folder_track(place)
     tracks = tracks_by_task(tasks, every)
     if lone:
         tracks = {name: _of_file(one) for name, one in tracks.items()}
@@ -300,7 +300,7 @@ def _strangers(scenes: Place, track: Track) -> list[Stranger]:
     if not isinstance(scenes, Path):
         return []
     try:
-        folders = {image.scene for image in track_of_folder(scenes).images}
+        folders = {image.scene for image in make_folder_track(scenes).images}
     except CatalogError:
         return []  # no scene at all: every row of the run reports it
     known = [image.scene for image in track.images]

@@ -37,7 +37,7 @@ from legoworld.tasks.registry import known_tasks
 from legoworld.tracks.vocabulary import Category, Vocabulary
 from legoworld.visibility.amodal import Amodal
 from legoworld.visibility.normals import Variant
-from legoworld.visibility.posed_camera import Camera, camera_of_scene
+from legoworld.visibility.posed_camera import Camera, place_scene_camera
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.runs import ColumnRuns
 
@@ -81,7 +81,7 @@ class SceneView:
     @cached_property
     def _camera(self) -> Camera:
         snapshot = self._inspection.scene.snapshot
-        return self._posed or camera_of_scene(snapshot.camera, snapshot.render, self.size_wh)
+        return self._posed or place_scene_camera(snapshot.camera, snapshot.render, self.size_wh)
 
     @property
     def K(self) -> NDArray[np.float64]:  # noqa: N802  what everybody calls it

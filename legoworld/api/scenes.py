@@ -37,7 +37,7 @@ from legoworld.scene.folder import Source, scene_at
 from legoworld.scene.snapshot import SceneCamera
 from legoworld.tasks.shipped import TaskName
 from legoworld.tracks.track import Track
-from legoworld.visibility.posed_camera import camera_of_scene
+from legoworld.visibility.posed_camera import place_scene_camera
 from legoworld.workers.processors import usable_cores
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ class Scene:
             size = int(width), int(height)
             if self._opened.no_camera and len(posed.keys() & {"K", "fov_deg", "ortho_scale"}) == 0:
                 raise self._opened.no_camera
-            own = camera_of_scene(snapshot.camera, snapshot.render, size)
+            own = place_scene_camera(snapshot.camera, snapshot.render, size)
             cameras = posed_cameras(size, own, **given)
         elif isinstance(cameras, str | Path):
             cameras = read_cameras(cameras)

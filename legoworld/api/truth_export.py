@@ -20,9 +20,9 @@ from legoworld.records.base import UNSET, RecordError, as_json, decode
 from legoworld.records.coco_file import PanopticAnswers, PanopticTruthFile
 from legoworld.records.track import CategoryInfo, ImageInfo
 from legoworld.shipped import catalog
-from legoworld.tasks.registry import find_family, task_named
+from legoworld.tasks.registry import find_family, require_task
 from legoworld.tasks.shipped import PANOPTIC
-from legoworld.tracks.dataset_versions import find_dataset
+from legoworld.tracks.vocabulary import find_dataset
 
 
 def write_lvis(run_folder: Path, output: Path, *, track: Path | None) -> Written:
@@ -31,7 +31,7 @@ def write_lvis(run_folder: Path, output: Path, *, track: Path | None) -> Written
     Raises UsageError for runs of other tasks, and what `export` does of a damaged one.
     """
     run = read_run(run_folder)
-    if not task_named(run.task).dataset.federated:
+    if not require_task(run.task).dataset.federated:
         raise _wrong(run, "LVIS masks")
     document = document_of_run(run_folder, track=track)
     present: dict[int, set[int]] = {image.id: set() for image in document.images}

@@ -33,7 +33,7 @@ from legoworld.records.run_file import (
 from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import Progress, RunResult
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.version import __version__
@@ -177,7 +177,7 @@ def write_run(
         if own_file and row.status != "ok":
             (folder / own_file(row)).unlink(missing_ok=True)
     summary = summarise(configuration, rows)
-    readout = load_readout_family(task_named(configuration.task))
+    readout = load_readout_family(require_task(configuration.task))
     run_folder.finish(
         folder,
         records=records,

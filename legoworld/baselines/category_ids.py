@@ -16,8 +16,7 @@ from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsI
 from legoworld.pluralize import plural, share, word_for
 from legoworld.shipped import catalog
 from legoworld.tasks.shipped import COCO, LVIS
-from legoworld.tracks.dataset_versions import dataset_version, find_dataset
-from legoworld.tracks.vocabulary import Vocabulary, normal_name
+from legoworld.tracks.vocabulary import Vocabulary, dataset_version, find_dataset, normal_name
 
 CategoryIds = Literal["dataset", "coco80-0", "coco80-1", "lvis-0"]
 CATEGORY_IDS: Final[tuple[CategoryIds, ...]] = get_args(CategoryIds)

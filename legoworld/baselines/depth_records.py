@@ -7,8 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.baselines.records import AnswerInvalidError, AnswerRules
-from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.errors import DepthPredictionError
+from legoworld.evaluation.depth.arrays import DepthArray, DepthPredictionError
 from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.depth.labelled import read_prediction
 from legoworld.evaluation.pixels.resampling import size_check

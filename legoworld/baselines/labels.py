@@ -11,8 +11,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.pluralize import plural
 from legoworld.records.base import RecordError, decode
 from legoworld.tasks.shipped import COCO
-from legoworld.tracks.dataset_versions import find_dataset
-from legoworld.tracks.vocabulary import Category, Vocabulary, normal_name
+from legoworld.tracks.vocabulary import Category, Vocabulary, find_dataset, normal_name
 
 #: Names that PASCAL VOC gave six of COCO's categories, and that many checkpoints still carry.
 OLD_NAMES: Final[Mapping[str, str]] = MappingProxyType(

@@ -23,11 +23,11 @@ from legoworld.evaluation.normals.arrays import (
     VALUES,
     Declaration,
     NormalsArray,
+    NormalsPredictionError,
     read_normals,
     read_prediction,
     valid_normals,
 )
-from legoworld.evaluation.normals.errors import NormalsPredictionError
 from legoworld.evaluation.normals.family import PIXELS
 from legoworld.evaluation.pixels.resampling import size_check
 from legoworld.files import sha256_of_file, write_npz

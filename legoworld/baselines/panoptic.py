@@ -14,7 +14,7 @@ from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.label_maps import answered_masks, map_record
 from legoworld.baselines.records import AnswerInvalidError, AnswerRules, ResultMissingError
 from legoworld.errors import CatalogError, UsageError, cause
-from legoworld.evaluation.label_maps.errors import MapInvalidError
+from legoworld.evaluation.label_maps.family import MapInvalidError
 from legoworld.evaluation.label_maps.png import check_size, read_ids
 from legoworld.evaluation.panoptic.quality import check_answer
 from legoworld.evaluation.panoptic.truth import check_listed

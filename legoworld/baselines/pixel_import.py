@@ -26,9 +26,9 @@ from legoworld.readouts.pixels import PixelFile
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom, ReadArray
-from legoworld.running.disk import check_disk
 from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import Progress, RunResult
+from legoworld.running.scene_pass import check_disk
 from legoworld.tracks.track import TrackImage
 
 Say = Callable[[str], None]

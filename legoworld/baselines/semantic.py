@@ -12,7 +12,7 @@ from legoworld.baselines.baseline_import import ImportRequest, import_images
 from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.label_maps import answered_masks, map_record
 from legoworld.baselines.records import AnswerRules, ResultMissingError
-from legoworld.evaluation.label_maps.errors import MapInvalidError
+from legoworld.evaluation.label_maps.family import MapInvalidError
 from legoworld.evaluation.label_maps.png import check_size, read_values
 from legoworld.evaluation.semantic.truth import find_png
 from legoworld.files import sha256_of_file

@@ -12,7 +12,7 @@ from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
 from legoworld.records.coco_file import VerifiedTruth
 from legoworld.records.run_file import UsedTruth
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 from legoworld.tracks.track import TrackImage
 
 WHAT = "each image's positive and negative categories, as prompts"
@@ -34,7 +34,7 @@ def read_truth_prompts(
     UsageError if the baseline cannot be prompted or the task is not lvis; CatalogError if the file
     is not LVIS ground truth of these images.
     """
-    if not task_named(task).dataset.federated or not card.about.prompts_from_truth:
+    if not require_task(task).dataset.federated or not card.about.prompts_from_truth:
         raise UsageError(
             "--prompts-from-truth is for prompted baselines on LVIS, whose images list categories",
             found=f"the baseline {card.name} on {task}",

@@ -27,7 +27,7 @@ from legoworld.records.second_card import BenchXFile, BenchXImage, BenchXInfo
 from legoworld.records.track import CategoryInfo
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import find_scene
-from legoworld.tracks.track import track_of_folder
+from legoworld.tracks.track import make_folder_track
 from legoworld.visibility.scoring_raster import POINT_CAP
 from legoworld.workers.engines import ENGINES, EngineName, Job
 from legoworld.workers.processors import usable_cores
@@ -77,7 +77,7 @@ def make_dataset(
     where the output holds something else.
     """
     _prepare(request)
-    images = track_of_folder(request.scenes).images[: request.limit]
+    images = make_folder_track(request.scenes).images[: request.limit]
     folders = [find_scene(request.scenes, image.scene) for image in images]
     total(len(folders))
     options = request.options

@@ -89,13 +89,13 @@ def command(
 def _join(evaluations: Sequence[Path], output: Path, out: Output, *, overwrite: bool) -> int:
     """Join finished comparisons; how a comparison is made is refused."""
     from legoworld.api.comparison import Comparison
-    from legoworld.comparison.make_comparison import make_joined
+    from legoworld.comparison.make_comparison import join_folders
 
     options.refuse_given(
         ("draws", "seed", "fail_below", "allow_truth_prompts"),
         "cannot be combined with --join, which takes finished comparisons",
     )
-    joined = make_joined(evaluations, output, overwrite=overwrite)
+    joined = join_folders(evaluations, output, overwrite=overwrite)
     comparison = Comparison(folder=output, document=joined, below=())
     out.show(comparison.to_dict, [_text(comparison, verbose=out.verbose)])
     return exit_codes.DONE

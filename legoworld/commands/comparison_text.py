@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from legoworld.comparison.tables import (
     coverage_table,
-    cut,
     headline_blocks,
     list_comparisons,
-    notes_of,
+    list_notes,
     number,
+    shorten_name,
 )
 from legoworld.comparison.verdict import classify_difference, headline_rows, verdict_sentences
 from legoworld.pluralize import plural
@@ -28,7 +28,7 @@ def short_comparison(document: Document) -> str:
     """The verdict of every pair, its coverage, and its headline metrics with their differences."""
     pairs = [(one.task, pair) for one in list_comparisons(document) for pair in one.pairs]
     verdicts = [said for task, pair in pairs for said, _ in verdict_sentences(task, pair)]
-    count = plural(len(notes_of(document)), "note", "notes")
+    count = plural(len(list_notes(document)), "note", "notes")
     ends = [f"{start}{reasons}" for start, reasons in _not_paired(document)]
     ends.append(f"{count} on interpretation, and all tables: -v")
     blocks = (terminal(_headline(task, pair)) for task, pair in pairs)
@@ -38,14 +38,14 @@ def short_comparison(document: Document) -> str:
 def whole_comparison(document: Document) -> str:
     """Every table, at most 100 columns wide: intervals and denominators below their numbers."""
     coverage = coverage_table(document)
-    rows = [[*row[:3], cut(str(row[3])), row[4], cut(str(row[5])), *row[6:-1]]
+    rows = [[*row[:3], shorten_name(str(row[3])), row[4], shorten_name(str(row[5])), *row[6:-1]]
             for row in coverage.rows]  # fmt: skip
     reasons = [text for pair in _not_paired(document) for text in filled(*pair)]
     return "\n\n".join(
         [
             *(terminal(block, stacked=True) for block in headline_blocks(document)),
             "\n".join([terminal(table(coverage.header[:-1], rows)), *reasons]),
-            _notes(notes_of(document)),
+            _notes(list_notes(document)),
         ]
     )
 

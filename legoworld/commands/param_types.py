@@ -12,7 +12,7 @@ import click
 
 from legoworld.pluralize import did_you_mean
 from legoworld.remote import Place, is_url
-from legoworld.tasks.registry import known_tasks, task_named, task_names
+from legoworld.tasks.registry import known_tasks, require_task, task_names
 from legoworld.tasks.task import Task
 
 ParamType = click.ParamType[Any]
@@ -65,7 +65,7 @@ class TaskChoice(Choice):
     ) -> str:
         """The name. InstallationError for a task of a package that cannot be loaded."""
         if str(value) in task_names():
-            task_named(str(value))
+            require_task(str(value))
         return super().convert(value, param, ctx)
 
 

@@ -24,7 +24,7 @@ from legoworld.commands.param_types import (
 from legoworld.commands.progress import shown_progress
 from legoworld.commands.run_text import show_runs
 from legoworld.remote import Place
-from legoworld.tracks.dataset_versions import find_dataset
+from legoworld.tracks.vocabulary import find_dataset
 
 if TYPE_CHECKING:
     from legoworld.api.readout import ReadoutOptions

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from legoworld.comparison.family import comparison_of_task
+from legoworld.comparison.family import load_comparison_family
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import UnsetType, as_json
@@ -24,7 +24,7 @@ class IncomparableError(LegoWorldError):
 def check_comparable(sides: Sequence[StoredEvaluation], *, allow_truth_prompts: bool) -> None:
     """Check every baseline against the first side. IncomparableError names all differences."""
     first = sides[0]
-    family = comparison_of_task(first.task)
+    family = load_comparison_family(first.task)
     for side in sides:
         if side.summary.partial:
             raise IncomparableError(

@@ -66,10 +66,6 @@ def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
 
 #: What is compared of depth.
 COMPARED: Final = PixelComparison(
-    family=PIXELS,
-    extra=_constant,
-    facts=_facts,
-    differences=_differences,
-    notes=_notes,
+    family=PIXELS, extra=_constant, facts=_facts, differences=_differences, notes=_notes
 )
 COMPARISON: Final = pixel_comparison(COMPARED)

@@ -1,8 +1,12 @@
-"""Boxes and masks: all official and score-free numbers of one side over some of its images."""
+"""Boxes and masks: all official and score-free numbers of one side over some of its images.
+
+`restrict_table`: as if only those had been evaluated.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,12 +23,7 @@ from legoworld.comparison.measures import (
     Metric,
     shared_draws,
 )
-from legoworld.comparison.subsets import counts_of_images, table_of_images
-from legoworld.evaluation.detection.amodal_sums import (
-    AMODAL_METRICS,
-    amodal_metrics,
-    amodal_values,
-)
+from legoworld.evaluation.detection.amodal_sums import AMODAL_METRICS, amodal_metrics, amodal_values
 from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.greedy import MatchTable
@@ -33,18 +32,52 @@ from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import DetectionProtocol, detection_protocol
 from legoworld.evaluation.detection.protocols import Metric as OfficialMetric
-from legoworld.evaluation.detection.ranking.accumulation import (
-    accumulate,
-    metric_value,
-)
+from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.ranking.resampling import (
-    metrics_of_one_image,
     resampled_metrics,
+    single_image_metrics,
 )
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Better, Images, Level
 from legoworld.records.evidence import ComparisonSettings
+
+
+def restrict_table(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:
+    """The match table of the kept images.
+
+    kept: (images,). Ranks, caps and LVIS's verified categories are per image, so nothing is matched
+    again: the official evaluator gives the same on these images (checked by a test).
+    """
+    position = np.cumsum(kept) - 1
+    rows, cells = kept[table.image], kept[table.truth_image]
+    return replace(
+        table,
+        image_ids=table.image_ids[kept],
+        image=position[table.image[rows]],
+        category=table.category[rows],
+        score=table.score[rows],
+        rank=table.rank[rows],
+        entry=table.entry[rows],
+        state=np.ascontiguousarray(table.state[:, :, rows]),
+        truth_image=position[table.truth_image[cells]],
+        truth_category=table.truth_category[cells],
+        n_truths=np.ascontiguousarray(table.n_truths[:, cells]),
+    )
+
+
+def restrict_counts(counts: MatchedCounts, kept: NDArray[np.bool_]) -> MatchedCounts:
+    """The score-free sums of the kept images."""
+    position = np.cumsum(kept) - 1
+    cells = kept[counts.cell_image]
+    return MatchedCounts(
+        per_image=counts.per_image[kept],
+        cell_image=position[counts.cell_image[cells]],
+        cell_category=counts.cell_category[cells],
+        cell_n_gt=counts.cell_n_gt[cells],
+        cell_iou_sum=counts.cell_iou_sum[cells],
+    )
+
 
 EQUAL: Final = "equal_confidence."
 TIES: Final = "tie_orders.AP"
@@ -88,9 +121,7 @@ def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
     return metrics
 
 
-def frequencies_of_side(
-    side: StoredEvaluation, category_ids: NDArray[np.int64]
-) -> NDArray[np.str_]:
+def side_frequencies(side: StoredEvaluation, category_ids: NDArray[np.int64]) -> NDArray[np.str_]:
     """(K,) LVIS's frequency letters; empty for categories without annotations and predictions."""
     letters = {row.category_id: row.frequency or "" for row in side.categories}
     return np.array([letters.get(int(i), "") for i in category_ids])
@@ -101,18 +132,18 @@ def measure_detections(
 ) -> Measures:
     """Every metric of `detection_metrics` over the kept images, from the recorded matches."""
     arrays = side.matches
-    frequencies = frequencies_of_side(side, arrays["category_ids"])
+    frequencies = side_frequencies(side, arrays["category_ids"])
     measures: Measures = {}
-    table = table_of_images(matches_file.table_from(arrays, matches_file.OWN), kept)
+    table = restrict_table(matches_file.table_from(arrays, matches_file.OWN), kept)
     own = equal = _official(table, protocol, frequencies, shared)
     if _ranks(side):
-        table = table_of_images(matches_file.table_from(arrays, matches_file.EQUAL), kept)
+        table = restrict_table(matches_file.table_from(arrays, matches_file.EQUAL), kept)
         equal = _official(table, protocol, frequencies, shared)
     measures |= own | {EQUAL + name: measure for name, measure in equal.items()}
     measures[TIES] = _ties(table, shared, equal["AP"].over)
     images_with_truth = len(np.unique(table.truth_image))
     for kind, aware in zip(_KINDS, (True, False), strict=True):
-        counts = counts_of_images(matches_file.counts_from(arrays, class_aware=aware), kept)
+        counts = restrict_counts(matches_file.counts_from(arrays, class_aware=aware), kept)
         for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
             measures[f"{kind}.{name}"] = measure
     return measures | _amodal(side, kept, shared)
@@ -122,7 +153,7 @@ def _amodal(side: StoredEvaluation, kept: NDArray[np.bool_], shared: Draws) -> M
     """Of amodal masks: what AP hides, from the rows; undefined without visible masks."""
     if not side.detection.amodal:
         return {}
-    sums = [row.amodal for row, yes in zip(side.detection_rows, kept, strict=True) if yes]
+    sums = [row.amodal for row in side.kept_rows(kept)]
     known = [one for one in sums if one]
     samples = amodal_metrics(known, shared.counts) if known else {}
     point = amodal_values(known) if known else {}
@@ -131,7 +162,6 @@ def _amodal(side: StoredEvaluation, kept: NDArray[np.bool_], shared: Draws) -> M
             value=np.nan if point.get(name) is None else float(point[name] or 0),
             samples=samples.get(name),
             over={"images": len(sums)},
-            extra={},
         )
         for name in AMODAL_METRICS
     }
@@ -148,7 +178,7 @@ def _official(
     """The evaluator's numbers and their bootstrap samples."""
     curves = accumulate(table, protocol)
     samples = resampled_metrics(table, protocol, shared.counts, frequencies)
-    lone = metrics_of_one_image(table, protocol, frequencies)
+    lone = single_image_metrics(table, protocol, frequencies)
     measures = {}
     for metric in protocol.metrics:
         value = metric_value(metric, curves, frequencies)
@@ -157,7 +187,6 @@ def _official(
             value=np.nan if value == -1 else value,
             samples=samples[metric.name] if defined else None,
             over=_count_denominators(table, metric, frequencies, protocol.grid),
-            extra={},
         )
     return measures
 
@@ -177,9 +206,10 @@ def _count_denominators(
 
 def _ties(table: MatchTable, shared: Draws, over: Mapping[str, int]) -> Measure:
     """Expected AP over random orders of equally confident predictions."""
-    ties = tie_orders(table, draws=shared.draws, seed=shared.seed)
-    extra = {"sd": ties.sd, "worst": ties.worst, "best": ties.best}
-    return Measure(value=ties.expected, samples=None, over=over, extra=extra)
+    spread = tie_orders(table, draws=shared.draws, seed=shared.seed).spread
+    expected, *others = spread or (np.nan,) * 4
+    extra = dict(zip(("sd", "worst", "best"), others, strict=True))
+    return Measure(value=expected, samples=None, over=over, extra=extra)
 
 
 def _score_free(counts: MatchedCounts, shared: Draws, *, spread: bool) -> Measures:
@@ -204,7 +234,6 @@ def _score_free(counts: MatchedCounts, shared: Draws, *, spread: bool) -> Measur
             value=value,
             samples=samples[name] if spread and np.isfinite(value) else None,
             over={**over, **more.get(name, {})},
-            extra={},
         )
     return measures
 

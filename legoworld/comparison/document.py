@@ -1,21 +1,21 @@
-"""comparison.json: a comparison as a pure function of the evaluation folders."""
+"""comparison.json: a comparison as a pure function of the evaluation folders, with its notes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.family import comparison_of_task
-from legoworld.comparison.image_pairs import pair_images
+from legoworld.comparison.family import load_comparison_family
 from legoworld.comparison.measures import IntervalRule, Metric, comparison_row
-from legoworld.comparison.notes import note_differences
 from legoworld.comparison.provenance import (
     provenance_by_field,
     provenance_notes,
     recorded_provenance,
 )
+from legoworld.errors import one_line
 from legoworld.evaluation.bootstrap import LEVEL
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import as_json, to_record
@@ -23,6 +23,7 @@ from legoworld.records.comparison import (
     Comparison,
     ComparisonBootstrap,
     ComparisonRow,
+    Dropped,
     ImageName,
     Method,
     Pair,
@@ -33,9 +34,67 @@ from legoworld.records.evaluation_summary import Coverage
 from legoworld.records.evidence import ComparisonSettings
 
 
+@dataclass(frozen=True, kw_only=True)
+class Pairing:
+    """kept: (images,) bool, images in ascending id; dropped: the other images, with all reasons."""
+
+    kept: NDArray[np.bool_]
+    dropped: tuple[Dropped, ...]
+
+
+def pair_images(scene: StoredEvaluation, baseline: StoredEvaluation) -> Pairing:
+    """Images that both sides scored and that have usable ground truth.
+
+    Usable is at least one annotation that is neither crowd nor ignored; for depth, enough valid
+    truth pixels. A bench's case is scored where the submission is valid.
+    """
+    dropped: list[Dropped] = []
+    kept = np.ones(len(scene.rows), bool)
+    for k, rows in enumerate(zip(scene.rows, baseline.rows, strict=True)):
+        reasons = [rows[0].truth_gap]
+        for side, row in zip((scene, baseline), rows, strict=True):
+            reasons.append(row.score_gap and f"{side.name}: {row.score_gap}")
+        reasons = [reason for reason in reasons if reason]
+        if reasons:
+            kept[k] = False
+            row = rows[0]
+            dropped.append(
+                Dropped(image_id=row.image_id, file_name=row.file_name, reasons=tuple(reasons))
+            )
+    return Pairing(kept=kept, dropped=tuple(dropped))
+
+
+def note_differences(sides: Sequence[StoredEvaluation]) -> list[str]:
+    """Notes on every difference between the sides that does not make them incomparable."""
+    notes = [f"Differences are {sides[0].name} minus the other method."]
+    notes += [_truth_prompts(side) for side in sides if side.used_truth]
+    notes += load_comparison_family(sides[0].task).notes(sides)
+    return [*notes, *_versions(sides)]
+
+
+def _truth_prompts(side: StoredEvaluation) -> str:
+    return (
+        f"{side.name} was prompted with the truth of the images it is scored on: "
+        f"{one_line(str(as_json(side.used_truth)), 160)}."
+    )
+
+
+def _versions(sides: Sequence[StoredEvaluation]) -> list[str]:
+    """Different package versions: the 1e-12 agreement is checked within one version only."""
+    versions = [s.evidence.versions for s in sides]
+    names = sorted({name for packages in versions for name in packages})
+    notes = []
+    for name in names:
+        of_sides = [v.get(name, "absent") for v in versions]
+        if len(set(of_sides)) > 1:
+            listed = ", ".join(f"{s.name} {v}" for s, v in zip(sides, of_sides, strict=True))
+            notes.append(f"Evaluated with other versions of {name}: {listed}.")
+    return notes
+
+
 def list_metrics(task: str) -> list[Metric]:
     """Every metric of a comparison of a task, in display order."""
-    return comparison_of_task(task).metrics(task)
+    return load_comparison_family(task).metrics(task)
 
 
 def compare(
@@ -48,7 +107,7 @@ def compare(
     sides: must pass `check_comparable`. The document depends only on the evaluations' files and the
     settings, so equal inputs give equal documents.
     """
-    rows, family = sides[0].rows, comparison_of_task(sides[0].task)
+    rows, family = sides[0].rows, load_comparison_family(sides[0].task)
     unit, facts = family.unit(sides[0]), family.facts(sides[0])
     by_field = provenance_by_field(sides)
     made = provenance_notes(by_field) if any(side.is_scene for side in sides) else []
@@ -73,7 +132,7 @@ def compare(
 
 
 def _method(side: StoredEvaluation, *, first: bool) -> Method:
-    facts = comparison_of_task(side.task).facts(side)
+    facts = load_comparison_family(side.task).facts(side)
     return Method(
         name=side.name,
         role="scene" if first else "baseline",
@@ -121,7 +180,7 @@ def _measure_rows(
     unit: str,
 ) -> Iterator[ComparisonRow]:
     """The rows over each selection of images; none over no image: coverage says 0 paired."""
-    family = comparison_of_task(scene.task)
+    family = load_comparison_family(scene.task)
     rule = IntervalRule(centred=family.centred, unit=unit)
     unpaired = family.unpaired(scene)
     for images in family.images:

@@ -60,6 +60,6 @@ class ComparisonFamily:
     notes: Callable[[Sequence[StoredEvaluation]], list[str]] = _no_notes
 
 
-def comparison_of_task(task: str) -> ComparisonFamily:
+def load_comparison_family(task: str) -> ComparisonFamily:
     """The comparison of a task. UsageError, InstallationError."""
     return find_family(task).load("comparison", ComparisonFamily)

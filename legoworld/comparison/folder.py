@@ -182,10 +182,7 @@ def input_entry(folder: Path, role: str, path: Path) -> Input:
     file = input_file(role, path)
     relative = os.path.relpath(path.resolve(), folder.resolve())
     return Input(
-        role=role,
-        path=Path(relative).as_posix(),
-        sha256=file.sha256,
-        bytes=file.size_bytes,
+        role=role, path=Path(relative).as_posix(), sha256=file.sha256, bytes=file.size_bytes
     )
 
 
@@ -203,9 +200,7 @@ def _pair_evidence(pair: Pair) -> PairEvidence:
         dropped=pair.dropped,
         paired_metrics={
             row.metric: PairedNumbers(
-                scene=row.scene.value,
-                baseline=row.baseline.value,
-                difference=row.difference.value,
+                scene=row.scene.value, baseline=row.baseline.value, difference=row.difference.value
             )
             for row in pair.rows
             if row.images == "paired"

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from legoworld.comparison.folder import (
-    COMPARISON,
-    ComparisonFolderError,
-    input_entry,
-)
+from legoworld.comparison.folder import COMPARISON, ComparisonFolderError, input_entry
 from legoworld.comparison.provenance import NOT_RECORDED, provenance_notes
 from legoworld.errors import UsageError
 from legoworld.pluralize import plural

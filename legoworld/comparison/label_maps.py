@@ -8,16 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
-from legoworld.comparison.measures import (
-    HEADLINE,
-    TABLE,
-    Measure,
-    Measures,
-    Metric,
-    shared_draws,
-)
+from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
 from legoworld.evaluation.label_maps.family import MapFamily
-from legoworld.evaluation.label_maps.sums import drawn_values, present_categories, total_sums
+from legoworld.evaluation.label_maps.sums import present_categories, resample_values, total_sums
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation
@@ -55,25 +48,20 @@ def _comparison(family: MapFamily) -> ComparisonFamily:
 
 
 def _measures(
-    family: MapFamily,
-    side: StoredEvaluation,
-    kept: NDArray[np.bool_],
-    counts: NDArray[np.int32],
+    family: MapFamily, side: StoredEvaluation, kept: NDArray[np.bool_], counts: NDArray[np.int32]
 ) -> Measures:
-    every = cast("list[LabelMapRow]", list(side.rows))
-    rows = [row for row, keep in zip(every, kept, strict=True) if keep]
+    rows: list[LabelMapRow] = side.kept_rows(kept)
     ids = present_categories(rows)
     known = {category.id: category.isthing for category in _summary(side).categories}
     things = np.array([known[number] for number in ids], bool)
     values = family.values(total_sums(rows, ids), things)
-    samples = drawn_values(family, rows, ids, things, counts)
+    samples = resample_values(family, rows, ids, things, counts)
     over = {"images": len(rows), "categories": len(ids)}
     return {
         name: Measure(
             value=float(value),
             samples=samples[name] if len(rows) > 1 and np.isfinite(value) else None,
             over=over,
-            extra={},
         )
         for name, value in values.items()
     }

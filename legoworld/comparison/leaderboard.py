@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from msgspec import structs
 
 from legoworld.comparison.compatibility import check_comparable
 from legoworld.comparison.provenance import NOT_RECORDED, recorded_provenance
@@ -20,12 +21,7 @@ from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.files import sha256_of_file, write_text
 from legoworld.pluralize import plural
 from legoworld.records.base import UNSET, readable
-from legoworld.records.bench_results import (
-    Leaderboard,
-    LeaderboardGroup,
-    LeaderboardRow,
-    Repeated,
-)
+from legoworld.records.bench_results import Leaderboard, LeaderboardGroup, LeaderboardRow, Repeated
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.reconstruction import Means
 from legoworld.tables.files import FORMATS
@@ -230,11 +226,8 @@ def _with_intervals(
             values = np.array([measure.value(row) for row in run.reconstruction_rows], np.float64)
             samples.append(means.family_means(values, run.reconstruction_rows, shared))
         bounds = interval(np.mean(samples, axis=0), unit="family")
-        old = metrics[measure.name]
-        metrics[measure.name] = Repeated(
-            mean=old.mean, sd=old.sd, runs=old.runs, n=old.n, over=old.over, interval=bounds
-        )
-    return LeaderboardGroup(kind=group.kind, name=group.name, cases=group.cases, metrics=metrics)
+        metrics[measure.name] = structs.replace(metrics[measure.name], interval=bounds)
+    return structs.replace(group, metrics=metrics)
 
 
 def _score(row: LeaderboardRow) -> float:

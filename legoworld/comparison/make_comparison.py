@@ -52,7 +52,7 @@ def make_comparison(
     return document, find_failed_thresholds(document, wanted)
 
 
-def make_joined(
+def join_folders(
     comparisons: Sequence[Path], output: Path, *, overwrite: bool = False
 ) -> JoinedComparison:
     """Join comparisons of different tasks and write the folder; returns its document."""

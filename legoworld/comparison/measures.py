@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -41,7 +41,7 @@ class Measure:
     value: float
     samples: Floats | None
     over: Mapping[str, int]
-    extra: Mapping[str, float]
+    extra: Mapping[str, float] = field(default_factory=dict)
 
 
 Measures = dict[str, Measure]
@@ -68,21 +68,15 @@ class IntervalRule:
     centred: bool
     unit: str
 
-    def of_value(self, samples: Floats | None, value: float) -> Interval | None:
-        """The interval of a metric; None without samples."""
+    def interval(
+        self, samples: Floats | None, value: float, *, least: float = 0.0
+    ) -> Interval | None:
+        """The interval of a metric; None without samples. least: -1 for a difference of two."""
         if samples is None:
             return None
         if self.centred:
-            return centred_interval(samples, value, unit=self.unit)
+            return centred_interval(samples, value, unit=self.unit, least=least)
         return interval(samples, unit=self.unit)
-
-    def of_difference(self, samples: Floats | None, value: float) -> Interval | None:
-        """The interval of a difference by the same rule; for fractions clipped to [-1, 1]."""
-        if samples is None:
-            return None
-        if not self.centred:
-            return interval(samples, unit=self.unit)
-        return centred_interval(samples, value, unit=self.unit, least=-1.0)
 
 
 def comparison_row(
@@ -102,7 +96,7 @@ def comparison_row(
         scene=_side(scene, rule),
         baseline=_side(baseline, rule),
         difference=Difference(
-            value=number(difference), interval=rule.of_difference(samples, difference)
+            value=number(difference), interval=rule.interval(samples, difference, least=-1.0)
         ),
     )
 
@@ -110,7 +104,7 @@ def comparison_row(
 def _side(measure: Measure, rule: IntervalRule) -> Measured:
     return Measured(
         value=number(measure.value),
-        interval=rule.of_value(measure.samples, measure.value),
+        interval=rule.interval(measure.samples, measure.value),
         over=dict(measure.over),
         **{name: number(value) for name, value in measure.extra.items()},
     )

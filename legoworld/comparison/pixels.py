@@ -10,16 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
-from legoworld.comparison.measures import (
-    EVERYTHING,
-    HEADLINE,
-    TABLE,
-    Measure,
-    Measures,
-    Metric,
-)
+from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE, Measure, Measures, Metric
 from legoworld.evaluation.pixels.family import PixelFamily, metric_policies
-from legoworld.evaluation.pixels.summary import group_columns, group_draws, mean_samples, unit_of
+from legoworld.evaluation.pixels.summary import (
+    group_columns,
+    group_draws,
+    mean_samples,
+    resampling_unit,
+)
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
 from legoworld.records.comparison import Images, Level
@@ -62,13 +60,12 @@ def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
         kept: NDArray[np.bool_],
         settings: ComparisonSettings,
     ) -> Measurer:
-        drawn = [row for row, keep in zip(_rows(scene), kept, strict=True) if keep]
-        groups = shared_group_draws(drawn, settings.draws, settings.seed)
+        groups = shared_group_draws(scene.kept_rows(kept), settings.draws, settings.seed)
         return lambda side: measure_pixels(compared, side, images, kept, groups)
 
     return ComparisonFamily(
-        metrics=lambda _task: metrics_of(compared.family),
-        unit=lambda side: unit_of([row for row in _rows(side) if row.has_truth]),
+        metrics=lambda _task: list_pixel_metrics(compared.family),
+        unit=lambda side: resampling_unit([row for row in _rows(side) if row.has_truth]),
         measurer=measurer,
         images=("scored", "attempted", "paired"),
         unpaired=lambda side: np.array([row.has_truth for row in side.rows], bool),
@@ -80,7 +77,7 @@ def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
     )
 
 
-def metrics_of(family: PixelFamily) -> list[Metric]:
+def list_pixel_metrics(family: PixelFamily) -> list[Metric]:
     """Every metric and hole policy, in display order."""
     metrics = []
     for metric in family.metrics:
@@ -115,7 +112,7 @@ def measure_pixels(
     images "scored": the kept images that this side has scores for; "paired": all kept images are
     scored; "attempted": the one metric that a kept image without a score has a value of.
     """
-    rows = [row for row, keep in zip(_rows(side), kept, strict=True) if keep]
+    rows: list[PixelRow] = side.kept_rows(kept)
     pairs = metric_policies(compared.family.metrics)
     if images == "attempted":
         metric, summary = compared.family.metrics[0].name, cast("Any", side.summary)

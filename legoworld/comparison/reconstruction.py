@@ -35,14 +35,14 @@ def family_draws(
     side: StoredEvaluation, kept: NDArray[np.bool_], draws: int, seed: int
 ) -> means.Draws:
     """Draws over the families of the kept cases, shared by both sides."""
-    return means.family_draws(_kept(side, kept), draws, seed)
+    return means.family_draws(side.kept_rows(kept), draws, seed)
 
 
 def measure_bench(
     side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: means.Draws
 ) -> Measures:
     """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out."""
-    rows = _kept(side, kept)
+    rows: list[ReconstructionRow] = side.kept_rows(kept)
     return {
         measure.name: _mean(measure, rows, shared)
         for measure in _measures(side.task)
@@ -65,14 +65,10 @@ def _mean(
     defined = [value for value in values if value is not None]
     over = {"images": len(rows), "not valid": sum(not row.valid for row in rows)}
     if len(defined) < len(rows):
-        return Measure(value=float("nan"), samples=None, over=over, extra={})
+        return Measure(value=float("nan"), samples=None, over=over)
     numbers = np.array(defined, np.float64)
     samples = means.family_means(numbers, rows, shared) if len(shared.column) > 1 else None
-    return Measure(value=float(np.mean(numbers)), samples=samples, over=over, extra={})
-
-
-def _kept(side: StoredEvaluation, kept: NDArray[np.bool_]) -> list[ReconstructionRow]:
-    return [row for row, keep in zip(side.reconstruction_rows, kept, strict=True) if keep]
+    return Measure(value=float(np.mean(numbers)), samples=samples, over=over)
 
 
 def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +38,7 @@ def _measurer(
     draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
 
     def measure(side: StoredEvaluation) -> Measures:
-        rows = cast("Sequence[RelationsRow]", side.rows)
-        used = [row for row, keep in zip(rows, kept, strict=True) if keep]
+        used: list[RelationsRow] = side.kept_rows(kept)
         measures = {}
         for name, guessed in METRICS.items():
             sums = sums_of(name, used)
@@ -48,7 +46,7 @@ def _measurer(
             samples = ratios(name, sums, lambda column: weighted_sums(draws.counts, column))
             for k, policy in enumerate(POLICIES if guessed else POLICIES[:1]):
                 measures[f"{name}.{policy}"] = Measure(
-                    value=float(whole[k]), samples=samples[k], over={"images": len(used)}, extra={}
+                    value=float(whole[k]), samples=samples[k], over={"images": len(used)}
                 )
         return measures
 

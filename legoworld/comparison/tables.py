@@ -64,21 +64,25 @@ def headline_table(document: Document) -> Table:
     named = {(pair.scene, pair.baseline) for _, pair in pairs}
     rows: list[list[Cell]] = []
     for task, pair in pairs:
-        for row in _shown(document, pair):
+        for row in _displayed_rows(document, pair):
             cells: list[Cell] = [number(row.scene), number(row.baseline)]
             if len(named) > 1:
                 cells = [pair.scene, cells[0], pair.baseline, cells[1]]
             over = ", ".join(_denominators(row))
             rows.append([task, _name(row), *cells, number(row.difference, signed=True), over])
     methods = [*named.pop()] if len(named) == 1 else ["method", "value", "against", "its value"]
-    return table(["task", "metric", *methods, "difference", "over"], rows, notes=notes_of(document))
+    return table(
+        ["task", "metric", *methods, "difference", "over"], rows, notes=list_notes(document)
+    )
 
 
 def headline_blocks(document: Document) -> list[Table]:
     """The same in a table for each task, pair of methods and set of images."""
     blocks = []
     for task, pair in _pairs(document):
-        for _, alike in groupby(_shown(document, pair), key=lambda row: _denominators(row)[0]):
+        for _, alike in groupby(
+            _displayed_rows(document, pair), key=lambda row: _denominators(row)[0]
+        ):
             of_images = list(alike)
             images = _denominators(of_images[0])[0]
             rows: list[list[Cell]] = [
@@ -91,12 +95,12 @@ def headline_blocks(document: Document) -> list[Table]:
                 for row in of_images
             ]
             title = f"{task}, {images}: {pair.scene} and {pair.baseline}"
-            header = ["metric", cut(pair.scene), cut(pair.baseline), "difference"]
+            header = ["metric", shorten_name(pair.scene), shorten_name(pair.baseline), "difference"]
             blocks.append(table(header, rows, title=title))
     return blocks
 
 
-def cut(name: str) -> str:
+def shorten_name(name: str) -> str:
     """A method's name, at most as wide as the interval of a difference."""
     return name if len(name) <= _NAME_WIDTH else name[: _NAME_WIDTH - 1] + "…"
 
@@ -105,7 +109,7 @@ def _pairs(document: Document) -> list[tuple[str, Pair]]:
     return [(one.task, pair) for one in list_comparisons(document) for pair in one.pairs]
 
 
-def _shown(document: Document, pair: Pair) -> list[ComparisonRow]:
+def _displayed_rows(document: Document, pair: Pair) -> list[ComparisonRow]:
     level = TABLE if isinstance(document, Comparison) else HEADLINE
     return [row for row in pair.rows if row.level <= level]
 
@@ -188,7 +192,7 @@ def _denominators(row: ComparisonRow) -> list[str]:
     return parts
 
 
-def notes_of(document: Document) -> list[str]:
+def list_notes(document: Document) -> list[str]:
     """What the numbers were drawn and computed by, and the comparison's own notes."""
     notes = []
     for one in list_comparisons(document):

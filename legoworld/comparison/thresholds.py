@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from legoworld.comparison.family import comparison_of_task
+from legoworld.comparison.family import load_comparison_family
 from legoworld.errors import UsageError
 from legoworld.records.comparison import Comparison, ComparisonRow
 
@@ -74,7 +74,7 @@ def _parse(text: str, known: Sequence[str]) -> Threshold:
 
 def thresholds_by_task(texts: Sequence[str], tasks: Sequence[str]) -> dict[str, list[str]]:
     """The METRIC=DELTA texts of each task that has the metric. UsageError for one of none."""
-    known = {task: [m.id for m in comparison_of_task(task).metrics(task)] for task in tasks}
+    known = {task: [m.id for m in load_comparison_family(task).metrics(task)] for task in tasks}
     parsed = [_parse(text, sorted({m for of in known.values() for m in of})) for text in texts]
     return {
         task: [t for t, one in zip(texts, parsed, strict=True) if one.metric in known[task]]

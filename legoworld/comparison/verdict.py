@@ -51,7 +51,7 @@ def verdict_sentences(task: str, pair: Pair) -> list[tuple[str, Standing]]:
             classify_difference(row),
         )
     ]
-    every = _over_attempted(row, pair)
+    every = _attempted_row(row, pair)
     if every is not None:
         said = (
             f"Over all {coverage.attempted} attempted: {name} {spelt(every.scene)} against "
@@ -61,7 +61,7 @@ def verdict_sentences(task: str, pair: Pair) -> list[tuple[str, Standing]]:
     return [(f"{said}: {_WORDS[standing]}.", standing) for said, standing in told]
 
 
-def _over_attempted(row: ComparisonRow, pair: Pair) -> ComparisonRow | None:
+def _attempted_row(row: ComparisonRow, pair: Pair) -> ComparisonRow | None:
     """The same metric over all attempted images, where the paired ones are fewer."""
     if row.images != "paired" or pair.coverage.paired == pair.coverage.attempted:
         return None

@@ -21,13 +21,7 @@ from legoworld.comparison.folder import (
 from legoworld.comparison.joined_comparison import join_comparisons
 from legoworld.comparison.sides import read_sides
 from legoworld.comparison.tables import Document
-from legoworld.evaluation.checks import (
-    Check,
-    check_files,
-    check_inputs,
-    find_input,
-    until_damage,
-)
+from legoworld.evaluation.checks import Check, check_files, check_inputs, find_input, until_damage
 from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.files import Json
 from legoworld.records.base import Record, as_json, to_record
@@ -46,10 +40,10 @@ def verify_comparison(folder: Path, root: Path | None) -> list[Check]:
     checks = [*check_files(folder, evidence), *check_inputs(folder, evidence, root)]
     if any(c.status != "ok" for c in checks):
         return checks
-    return [*checks, *until_damage(_made_again(folder, evidence, root))]
+    return [*checks, *until_damage(_remake(folder, evidence, root))]
 
 
-def _made_again(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
+def _remake(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     document = read_document(folder)
     if isinstance(document, JoinedComparison):
         yield from until_damage(_check_joined(folder, evidence, root))
@@ -62,7 +56,7 @@ def _check_comparison(
     folder: Path, evidence: AnyEvidence, document: Comparison, root: Path | None
 ) -> Iterator[Check]:
     """Checks of the document against one recomputed from the evaluations."""
-    evaluations = [path.parent for path in _inputs_named(folder, evidence, EVIDENCE, root)]
+    evaluations = [path.parent for path in _find_inputs(folder, evidence, EVIDENCE, root)]
     sides = read_sides(evaluations, names=[method.name for method in document.methods])
     settings = to_record(ComparisonSettings, evidence.configuration)
     again = compare(sides, settings)
@@ -75,7 +69,7 @@ def _check_comparison(
 
 def _check_joined(folder: Path, evidence: AnyEvidence, root: Path | None) -> Iterator[Check]:
     """Checks of the document against one recomputed from the joined comparisons."""
-    paths = _inputs_named(folder, evidence, COMPARISON, root)
+    paths = _find_inputs(folder, evidence, COMPARISON, root)
     again = join_comparisons([read_comparison(path) for path in paths])
     yield _agrees("numbers from the comparisons", again, _json(folder / COMPARISON))
 
@@ -85,7 +79,7 @@ def _json(path: Path) -> Any:
     return json.loads(path.read_bytes())
 
 
-def _inputs_named(folder: Path, evidence: AnyEvidence, name: str, root: Path | None) -> list[Path]:
+def _find_inputs(folder: Path, evidence: AnyEvidence, name: str, root: Path | None) -> list[Path]:
     """The locations of the inputs with this file name, in recorded order."""
     entries = [e.path for e in evidence.inputs if Path(e.path).name == name]
     paths = [find_input(folder, path, root) for path in entries]

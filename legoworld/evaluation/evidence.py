@@ -1,21 +1,67 @@
-"""Verification of an evaluation folder: all hashes, and the numbers from the matches."""
+"""Verification of an evaluation folder: all hashes, and what its family makes again.
+
+`agreement` holds what was made again to what is on record: the same but for rounding.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 from legoworld.evaluation.checks import Check, check_equal, check_files, check_inputs, until_damage
 from legoworld.evaluation.family import RecordedEvaluation, load_evaluation_family
+from legoworld.files import Json
+from legoworld.records.base import as_json
 from legoworld.records.evaluation_rows import ImageRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.folders.read_evaluation import (
+    SUMMARY,
     read_evaluation_evidence,
     read_evidence,
     read_image_rows,
     read_summary,
 )
+
+#: Logarithms differ in the last bits between machines.
+_RELATIVE: Final = 1e-9
+_LISTS: Final = (tuple, list)
+
+
+def agreement(what: str, found: Json, recorded: Json) -> Check:
+    """A check that two JSON values are the same."""
+    place = _first_difference(found, recorded, "")
+    if place is None:
+        return Check("ok", what, "the same")
+    return Check("DIFFERS", what, place[:100])
+
+
+def check_summary(recorded: RecordedEvaluation, again: Summary) -> Iterator[Check]:
+    """Every key of summary.json against one made again: a key that no reader knows differs, too."""
+    made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())
+    for key in sorted({*made, *written}):
+        yield agreement(f"{key} from the rows", made.get(key), written.get(key))
+
+
+def _first_difference(found: Json, recorded: Json, place: str) -> str | None:
+    """Where two JSON values differ by more than rounding, with both; None where they do not."""
+    if isinstance(found, Mapping) and isinstance(recorded, Mapping):
+        if found.keys() != recorded.keys():
+            return f"{place} keys {sorted(found.keys() ^ recorded.keys())}"
+        pairs = [(found[k], recorded[k], f"{place} {k}") for k in sorted(found)]
+    elif isinstance(found, _LISTS) and isinstance(recorded, _LISTS) and len(found) == len(recorded):
+        pairs = [
+            (a, b, f"{place} {i}") for i, (a, b) in enumerate(zip(found, recorded, strict=True))
+        ]
+    elif isinstance(found, float) and isinstance(recorded, float | int):
+        same = math.isclose(found, recorded, rel_tol=_RELATIVE, abs_tol=1e-12)
+        return None if same else f"{place} {found!r}, on record {recorded!r}".strip()
+    else:
+        return None if found == recorded else f"{place} {found!r}, on record {recorded!r}".strip()
+    return next((d for d in (_first_difference(*pair) for pair in pairs) if d is not None), None)
 
 
 def verify(folder: Path, root: Path | None) -> list[Check]:
@@ -25,10 +71,10 @@ def verify(folder: Path, root: Path | None) -> list[Check]:
     if any(c.status != "ok" for c in checks if c.what.startswith("file ")):
         return checks  # numbers of altered files prove nothing
     inputs_hold = all(c.status == "ok" for c in checks if c.what.startswith("input "))
-    return [*checks, *until_damage(_made_again(folder, root, inputs_hold=inputs_hold))]
+    return [*checks, *until_damage(_remake(folder, root, inputs_hold=inputs_hold))]
 
 
-def _made_again(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterator[Check]:
+def _remake(folder: Path, root: Path | None, *, inputs_hold: bool) -> Iterator[Check]:
     evidence, summary = read_evaluation_evidence(folder), read_summary(folder)
     rows = read_image_rows(folder, summary)
     yield from _coverage(summary, rows)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.checks import Check
+from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.prepare_inputs import HERE, Origins
 from legoworld.files import Json
@@ -68,6 +68,13 @@ class RecordedEvaluation:
     rows: Sequence[EvaluationRow]
     root: Path | None
     inputs_hold: bool
+
+    def input(self, role: str) -> Path:
+        """The first input of a role, as it lies here; asked for where `inputs_hold`."""
+        entry = next(entry for entry in self.evidence.inputs if entry.role == role)
+        path = find_input(self.folder, entry.path, self.root)
+        assert path is not None
+        return path
 
 
 Picture = NDArray[np.float32] | NDArray[np.float64]

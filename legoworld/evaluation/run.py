@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -10,9 +11,10 @@ from typing import Any, Final, TypeVar
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.pluralize import plural
 from legoworld.records.base import RecordError, decode, decode_lines
-from legoworld.records.folders.folder_kind import folder_of_other_kind
+from legoworld.records.evaluation_rows import EvaluationRow
+from legoworld.records.evaluation_summary import Coverage
 from legoworld.records.folders.prediction_files import prediction_files, stored_batches
-from legoworld.records.folders.read_run import ROWS, RUN, list_altered
+from legoworld.records.folders.read_run import ROWS, RUN, describe_other_folder, list_altered
 from legoworld.records.folders.run_journal import JOURNAL
 from legoworld.records.predictions import Scored
 from legoworld.records.run_file import Configuration, RunHead
@@ -59,7 +61,7 @@ def read_run(folder: Path) -> Run:
     try:
         head = decode(RunHead, (folder / RUN).read_bytes())
     except (OSError, RecordError) as error:
-        if other := folder_of_other_kind(folder, "a run"):
+        if other := describe_other_folder(folder, "a run"):
             raise RunUnusableError(other, found=f"no {RUN}", expected=_EXPECTED) from error
         raise _unreadable(folder, RUN, error) from error
     if (folder / JOURNAL).exists():
@@ -97,6 +99,16 @@ def read_family_run(folder: Path, family: Family, kind: str) -> Run:
             expected=f"a run of the task {' or '.join(map(repr, names))}",
         )
     return run
+
+
+def count_images(rows: Sequence[EvaluationRow]) -> Coverage:
+    """Images by outcome: the denominators of every number."""
+    return Coverage(
+        attempted=len(rows),
+        scored=sum(row.has_score for row in rows),
+        with_truth=sum(row.has_truth for row in rows),
+        by_status=dict(sorted(Counter(row.status for row in rows).items())),
+    )
 
 
 def read_rows(run: Run) -> list[RunRow]:
@@ -164,7 +176,5 @@ def run_view(run: Run) -> dict[str, Any]:
 
 def _unreadable(folder: Path, name: str, error: OSError | RecordError) -> RunUnusableError:
     return RunUnusableError(
-        f"{folder}/{name} cannot be read",
-        found=cause(error),
-        expected=_EXPECTED,
+        f"{folder}/{name} cannot be read", found=cause(error), expected=_EXPECTED
     )

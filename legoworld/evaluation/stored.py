@@ -104,6 +104,10 @@ class StoredEvaluation:
         """The rows, of boxes or masks."""
         return cast("list[DetectionRow]", list(self.rows))
 
+    def kept_rows(self, kept: NDArray[np.bool_]) -> list[Any]:
+        """The rows of some images, (images,) bool."""
+        return [row for row, keep in zip(self.rows, kept, strict=True) if keep]
+
     @property
     def used_truth(self) -> UsedTruth | None:
         """What the run says of truth it was prompted with; None for a run that saw none."""

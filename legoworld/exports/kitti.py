@@ -19,7 +19,7 @@ from legoworld.files import write_text
 from legoworld.readouts.boxes3d import box3d_exports
 from legoworld.records.base import UnsetType
 from legoworld.records.predictions import Prediction
-from legoworld.visibility.cuboids import box_of_corners, extent_px, lines_px
+from legoworld.visibility.cuboids import extent_px, lines_px, measure_cuboid
 
 #: KITTI's `occluded` by the share that nothing hides: 0 from the first on, 1 from the second on.
 OCCLUSION: Final = (0.9, 0.5)
@@ -59,7 +59,7 @@ def write_files(
 
 def losses(boxes: Sequence[Named]) -> tuple[str, ...]:
     """What the 15 columns cannot hold of these boxes."""
-    axes = [box_of_corners(corners_of(box))[1] for _, box in boxes]
+    axes = [measure_cuboid(corners_of(box))[1] for _, box in boxes]
     tilt = max((math.degrees(math.acos(min(abs(float(a[1, 1])), 1.0))) for a in axes), default=0.0)
     lost = []
     if tilt > _LEVEL_DEG:
@@ -79,7 +79,7 @@ def _labels(boxes: Sequence[Named], k: Matrix, size_wh: tuple[int, int]) -> str:
     lines = []
     for name, one in boxes:
         corners = corners_of(one)
-        center, axes, (length, height, width) = box_of_corners(corners)
+        center, axes, (length, height, width) = measure_cuboid(corners)
         x, y, z = (center + axes[:, 1] * (height / 2)).tolist()
         ry = math.atan2(-axes[2, 0], axes[0, 0])
         alpha = math.remainder(ry - math.atan2(x, z), math.tau)

@@ -20,7 +20,7 @@ from legoworld.scene.affine import cross, transform_points, unit
 from legoworld.scene.instances import Instance
 from legoworld.tables.table import Number, Table, table
 from legoworld.visibility.amodal import Silhouette
-from legoworld.visibility.cuboids import corners_of, extent_px, lines_px
+from legoworld.visibility.cuboids import cuboid_corners, extent_px, lines_px
 from legoworld.visibility.planar_hull import EQUAL, smallest_rectangle
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.surfaces import Surfaces
@@ -55,7 +55,7 @@ class Box3d:
     @property
     def corners_m(self) -> Floats:
         """(8, 3) in Omni3D's order."""
-        return corners_of(self.center_m, self.axes, self.size_m)
+        return cuboid_corners(self.center_m, self.axes, self.size_m)
 
     @property
     def truncation(self) -> float | None:
@@ -78,7 +78,7 @@ def fit_boxes(
     points = _Points(view.surfaces, view.depth_scale)
     whole = view.amodal(threads=threads).silhouettes(ids, threads)
     return [
-        _fitted(i, points.of(i), _frame(view, points, i, kind), of_whole, kind)
+        _fit_box(i, points.of(i), _frame(view, points, i, kind), of_whole, kind)
         for i, of_whole in zip(ids, whole, strict=True)
     ]
 
@@ -160,7 +160,7 @@ def orthonormal(columns: Floats) -> Floats:
     raise AssertionError("three axes span the space")
 
 
-def _fitted(
+def _fit_box(
     instance_id: int, points: Floats, frame: Floats, whole: Silhouette, kind: Kind
 ) -> Box3d:
     if kind == "gravity":
@@ -222,7 +222,7 @@ def box3d_table(instances: Sequence[Instance], view: View, *, threads: int | Non
 def _prediction(image_id: int, instance: Instance, box: Box3d, view: View) -> Prediction:
     assert instance.category is not None
     length, height, width = box.size_m
-    corners: Corners = tuple(map(_rounded, box.corners_m))  # type: ignore[assignment]
+    corners: Corners = tuple(map(_round_point, box.corners_m))  # type: ignore[assignment]
     x, y, w, h = box_extent_px(box, view)
     cut, seen = box.truncation, box.visibility
     return Prediction(
@@ -231,16 +231,16 @@ def _prediction(image_id: int, instance: Instance, box: Box3d, view: View) -> Pr
         score=EQUAL_CONFIDENCE,
         bbox=(round(x, 3), round(y, 3), round(w, 3), round(h, 3)),
         corners=corners,
-        center_cam=_rounded(box.center_m),
-        dimensions=_rounded((width, height, length)),
-        r_cam=tuple(map(_rounded, box.axes)),  # type: ignore[arg-type]
-        depth=_rounded(box.center_m)[2],
+        center_cam=_round_point(box.center_m),
+        dimensions=_round_point((width, height, length)),
+        r_cam=tuple(map(_round_point, box.axes)),  # type: ignore[arg-type]
+        depth=_round_point(box.center_m)[2],
         truncation=None if cut is None else round(cut, _PLACES),
         visibility=None if seen is None else round(seen, _PLACES),
     )
 
 
-def _rounded(values: Floats | tuple[float, float, float]) -> Point:
+def _round_point(values: Floats | tuple[float, float, float]) -> Point:
     x, y, z = (round(float(v), _PLACES) + 0.0 for v in values)
     return x, y, z
 
@@ -252,7 +252,7 @@ def box_lines_px(box: Box3d, view: View) -> list[list[float]]:
     if camera.orthographic:
         corners, scale = corners.copy(), view.depth_scale
         corners[:, 2] = 1
-    return lines_px(corners, intrinsics_of(camera, scale))
+    return lines_px(corners, intrinsics_matrix(camera, scale))
 
 
 def box_extent_px(box: Box3d, view: View) -> list[float]:
@@ -260,7 +260,7 @@ def box_extent_px(box: Box3d, view: View) -> list[float]:
     return extent_px(box_lines_px(box, view), view.size_wh)
 
 
-def intrinsics_of(camera: Projection, scale: float = 1.0) -> list[list[float]]:
+def intrinsics_matrix(camera: Projection, scale: float = 1.0) -> list[list[float]]:
     """K of a projection; scale: metres of a scene unit, for an orthographic one."""
     fx, fy = camera.fx / scale, camera.fy / scale
     return [[fx, 0.0, camera.cx], [0.0, fy, camera.cy], [0.0, 0.0, 1.0]]

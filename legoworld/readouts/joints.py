@@ -50,7 +50,7 @@ def scene_joints(
     joints: dict[str, SceneJoint] = {}
     for fact in facts[:_MOST_JOINTS]:
         try:
-            joints[fact["object"]] = made.of_property(fact)
+            joints[fact["object"]] = made.read_property(fact)
         except LegoWorldError as error:
             warnings.append(one_line(str(error), 300))
     for name in folder.urdf_files()[:MOST_FILES]:
@@ -60,7 +60,7 @@ def scene_joints(
         except LegoWorldError as error:
             warnings.append(one_line(f"{name}: {error}", 300))
             continue
-        for joint in made.of_robot(name, robot)[:_MOST_JOINTS]:
+        for joint in made.read_robot(name, robot)[:_MOST_JOINTS]:
             joints[joint.part] = joint
     ordered = sorted(joints.values(), key=lambda joint: (joint.part, joint.source))
     return tuple(ordered[:_MOST_JOINTS]), warnings
@@ -144,7 +144,7 @@ class _Scene:
         self._metres = snapshot.render.unit_scale
         self._holder: NDArray[np.int64] | None = None
 
-    def of_property(self, fact: JointFact) -> SceneJoint:
+    def read_property(self, fact: JointFact) -> SceneJoint:
         """The joint of one fact. JointInvalidError."""
         name = fact["object"]
         values = parsed_property(name, fact["text"])
@@ -156,7 +156,7 @@ class _Scene:
             values["type"], values["axis"], values["origin"], values["lower"], values["upper"],
         )  # fmt: skip
 
-    def of_robot(self, source: str, robot: UrdfRobot) -> list[SceneJoint]:
+    def read_robot(self, source: str, robot: UrdfRobot) -> list[SceneJoint]:
         """The joints of a URDF tree, whose links are objects of the same name.
 
         A root link that is an object stands where the object does, any other one at the world's

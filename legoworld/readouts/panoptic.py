@@ -35,12 +35,12 @@ def _write(row: RunRow, image: AnsweredImage) -> RunRow:
         row,
         answer=write_map(image.run, image.name, id_colors(made.ids)),
         segments=made.segments,
-        exported=tuple(_exported(image, made, at) for at in range(len(made.segments))),
+        exported=tuple(_describe_segment(image, made, at) for at in range(len(made.segments))),
         warnings=(*row.warnings, *_notes(image)),
     )
 
 
-def _exported(image: AnsweredImage, made: SegmentMap, at: int) -> Exported:
+def _describe_segment(image: AnsweredImage, made: SegmentMap, at: int) -> Exported:
     """A thing by its own name, stuff by its category's, with the objects of all its members."""
     assert image.vocabulary is not None
     category = image.vocabulary.category_name(made.segments[at].category_id)

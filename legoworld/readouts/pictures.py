@@ -51,9 +51,7 @@ def read_photo(path: Path, *, most_px: int = MOST_PHOTO_PX, name: str = "") -> R
     picture = decoded_picture(data, color=True, most_px=most_px, name=name)
     if picture is None:
         raise LegoWorldError(
-            f"{name} is not an image",
-            found="a file that does not decode",
-            expected=FORMATS,
+            f"{name} is not an image", found="a file that does not decode", expected=FORMATS
         )
     return np.ascontiguousarray(picture[:, :, ::-1], np.uint8)
 

@@ -8,7 +8,7 @@ from legoworld.cards import Card, load_card
 from legoworld.errors import UsageError
 from legoworld.readouts.family import ReadoutFamily
 from legoworld.shipped import catalog
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 from legoworld.tasks.task import Task
 from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
@@ -56,7 +56,7 @@ def protocol(
 
     labels_of: another task whose vocabulary and label rules take the place of its own.
     """
-    task = task_named(name)
+    task = require_task(name)
     card = load_card(name)
     rules = (load_card(labels_of) if labels_of else card).record.vocabulary
     if rules is None and labels_of:

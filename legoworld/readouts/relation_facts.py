@@ -115,7 +115,7 @@ def _objects(view: View, things: Things, areas: NDArray[np.int64]) -> tuple[Fact
                 category=instance.category.name,
                 area_px=area,
                 bbox_xywh_px=(x0, y0, x1 - x0, y1 - y0),
-                visible=_rounded(area / areas[instance.id]),
+                visible=_round(area / areas[instance.id]),
                 centre_cam_m=_vector(centre[n]),
                 size_m=_vector(size[n]),
             )
@@ -235,10 +235,10 @@ def _norm(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     return round(float(value), _DIGITS) + 0.0  # no -0.0
 
 
 def _vector(values: Floats) -> tuple[float, float, float]:
-    x, y, z = (_rounded(v) for v in values)
+    x, y, z = (_round(v) for v in values)
     return x, y, z

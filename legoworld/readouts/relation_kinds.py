@@ -132,11 +132,11 @@ def _relations() -> Iterator[tuple[str, Relation]]:
         relation = Relation(margin=margin, unit=unit, yes=yes, no=no, phrase=phrase)
         yield name, relation
         if inverse:
-            turned = _of_reversed(margin)
+            turned = _reverse_margin(margin)
             yield inverse, replace(relation, margin=turned, phrase=phrase_of_inverse)
 
 
-def _of_reversed(margin: Callable[[Pair], float | None]) -> Callable[[Pair], float | None]:
+def _reverse_margin(margin: Callable[[Pair], float | None]) -> Callable[[Pair], float | None]:
     return lambda pair: margin(pair.reversed)
 
 

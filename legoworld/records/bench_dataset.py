@@ -104,7 +104,6 @@ class ArticulationSummary(JointCounts, frozen=True, kw_only=True):
 
 #: Easy < Medium < Hard: each holds the objects of the one before, and more.
 Tier = Literal["easy", "medium", "hard"]
-TIERS: Final[tuple[Tier, ...]] = ("easy", "medium", "hard")
 Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
 #: (4, 4) rows; OpenCV camera axes to Blender's world, rotation of unit scale, metres.
 Pose = tuple[

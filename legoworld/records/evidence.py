@@ -14,11 +14,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode
 from legoworld.records.comparison import KIND, PairHead
 from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import (
-    Coverage,
-    Evaluator,
-    Summary,
-)
+from legoworld.records.evaluation_summary import Coverage, Evaluator, Summary
 from legoworld.tasks.registry import find_family
 
 

@@ -53,8 +53,7 @@ FORMATS: Final[Mapping[str, Format]] = {
         "a line of EVALUATION/per_image.jsonl, bench", "reconstruction:ReconstructionRow"
     ),
     "evaluation-per-image-depth": Format(
-        "a line of EVALUATION/per_image.jsonl, depth, not scored",
-        "depth:DepthRow",
+        "a line of EVALUATION/per_image.jsonl, depth, not scored", "depth:DepthRow"
     ),
     "evaluation-per-image-depth-scored": Format(
         "a line of EVALUATION/per_image.jsonl, depth, scored", "depth:ScoredDepthRow"
@@ -83,8 +82,7 @@ FORMATS: Final[Mapping[str, Format]] = {
         "EVALUATION/summary.json, boxes and masks", "evaluation_summary:DetectionSummary"
     ),
     "evaluation-summary-label-maps": Format(
-        "EVALUATION/summary.json, panoptic segments and semantic maps",
-        "label_maps:LabelMapSummary",
+        "EVALUATION/summary.json, panoptic segments and semantic maps", "label_maps:LabelMapSummary"
     ),
     "evaluation-summary-normals": Format(
         "EVALUATION/summary.json, normals", "normals:NormalsSummary"

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.pixels.view import decoded
+from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records.depth import ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing
@@ -35,8 +35,8 @@ def depth_view(views: Sequence[DepthView | None]) -> DepthDrawing | None:
     known = [v for v in views if v is not None]
     if not known:
         return None
-    truth = decoded(known[0].truth_z_m, known[0].size_wh)
-    aligned = [None if v is None else decoded(v.aligned_z_m, v.size_wh) for v in views]
+    truth = decode_array(known[0].truth_z_m, known[0].size_wh)
+    aligned = [None if v is None else decode_array(v.aligned_z_m, v.size_wh) for v in views]
     every = [truth, *(a for a in aligned if a is not None)]
     values = np.concatenate([a[np.isfinite(a) & (a > 0)] for a in every]).astype(np.float64)
     low, high = np.percentile(1.0 / values, _LIMITS_PERCENT)
@@ -95,7 +95,8 @@ class DepthPlots:
         for mine, view in zip(self._pixels, views, strict=True):
             if view is not None:
                 mine.add(
-                    decoded(view.truth_z_m, view.size_wh), decoded(view.aligned_z_m, view.size_wh)
+                    decode_array(view.truth_z_m, view.size_wh),
+                    decode_array(view.aligned_z_m, view.size_wh),
                 )
 
     def plots(self, names: Sequence[str]) -> Plots:

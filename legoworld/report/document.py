@@ -21,7 +21,7 @@ from legoworld.report.tables import (
     number_tables,
     without_specialist,
 )
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 
 
 def page_document(
@@ -45,12 +45,12 @@ def page_document(
 
 def _section_tables(section: Section) -> PageSection:
     sides = section.sides
-    task = task_named(section.task)
+    task = require_task(section.task)
     specialist = task.family.baseline is None or any(not s.is_scene for s in sides)
     made = PageSection(
         key=section.key,
         task=section.task,
-        family=task_named(section.task).family.name,
+        family=require_task(section.task).family.name,
         title=task.title,
         sides=tuple(
             SideHead(

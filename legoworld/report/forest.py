@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
-from legoworld.comparison.family import comparison_of_task
+from legoworld.comparison.family import load_comparison_family
 from legoworld.comparison.tables import over_text
 from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import MetricRow
@@ -52,7 +52,7 @@ def _rows(
 ) -> Iterator[ForestRow]:
     pairs = comparison.pairs if comparison else ()
     better: dict[str, Better] = {
-        metric.id: metric.better for metric in comparison_of_task(task).metrics(task)
+        metric.id: metric.better for metric in load_comparison_family(task).metrics(task)
     }
     found = [_by_id(side) for side in sides]
     for metric, name in load_page_family(task).forest.items():

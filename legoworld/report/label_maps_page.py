@@ -11,8 +11,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.evaluation.label_maps.family import MapFamily
+from legoworld.evaluation.label_maps.png import encode_webp
 from legoworld.evaluation.label_maps.sums import present_categories, total_sums
-from legoworld.evaluation.label_maps.view import webp_of
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation
@@ -92,7 +92,7 @@ def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
 
 def _kept(page: _Page, picture: str) -> int:
     """The place of a picture among the page's."""
-    page.document.overlays.append(webp_of(picture))
+    page.document.overlays.append(encode_webp(picture))
     return len(page.document.overlays) - 1
 
 

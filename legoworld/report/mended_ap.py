@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import HALF, Grid
-from legoworld.evaluation.detection.matching.compiled_matching import states_of_columns
+from legoworld.evaluation.detection.matching.compiled_matching import match_columns
 from legoworld.evaluation.detection.matching.greedy import (
     FALSE_POSITIVE,
     IGNORED,
@@ -289,7 +289,7 @@ class _Mender:
         )
         iou = self._blocks(image, source, truths, images, (first_d, first_t), extra)
         n = len(image)
-        state = states_of_columns(
+        state = match_columns(
             self._grid,
             (first_d, first_t),
             (iou, np.zeros(n, np.int64), np.ones(n), np.ones(n, bool), ~partial),

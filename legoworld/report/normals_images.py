@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.pixels.view import decoded
+from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.normals import ScoredNormalsRow
 from legoworld.records.report_page import Advice, NormalsDrawing
@@ -30,8 +30,10 @@ def normals_drawing(views: Sequence[NormalsView | None]) -> NormalsDrawing | Non
     known = [view for view in views if view is not None]
     if not known:
         return None
-    truth = decoded(known[0].truth, known[0].size_wh, _CHANNELS)
-    predicted = [None if v is None else decoded(v.predicted, v.size_wh, _CHANNELS) for v in views]
+    truth = decode_array(known[0].truth, known[0].size_wh, _CHANNELS)
+    predicted = [
+        None if v is None else decode_array(v.predicted, v.size_wh, _CHANNELS) for v in views
+    ]
     errors = [None if one is None else _errors_deg(one, truth) for one in predicted]
     every = np.concatenate([e[np.isfinite(e)] for e in errors if e is not None])
     return NormalsDrawing(

@@ -18,7 +18,7 @@ from legoworld.records.report_page import Facts
 from legoworld.records.report_tables import SideOrigin
 from legoworld.shipped import catalog
 from legoworld.tables.table import Table, Text, table
-from legoworld.tracks.dataset_versions import find_dataset
+from legoworld.tracks.vocabulary import find_dataset
 
 #: Licences of what a score is computed with, by package.
 _LICENCES: Final = {

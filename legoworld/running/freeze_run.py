@@ -36,14 +36,14 @@ from legoworld.scene.freeze import (
     FrozenFiles,
     Hashes,
     hash_files,
-    warnings_of_program,
+    list_program_warnings,
     write_frozen,
 )
 from legoworld.scene.labels import read_labels_file
 from legoworld.scene.outside_files import leaves_scenes
 from legoworld.scene.read_scene import read_scene
 from legoworld.scene.side_files import read_side_file
-from legoworld.tracks.track import track_of_folder
+from legoworld.tracks.track import make_folder_track
 from legoworld.workers.engines import ENGINES, EngineName, Job, machine_lost
 
 #: A limit that was reached is not a lasting property of a scene: it is not recorded.
@@ -68,7 +68,7 @@ def freeze_scenes(
 
     total: called with the number of scenes; row: with each scene's row as it is done.
     """
-    folders = [find_scene(scenes, image.scene) for image in track_of_folder(scenes).images]
+    folders = [find_scene(scenes, image.scene) for image in make_folder_track(scenes).images]
     job = Job(make=partial(_Freezer, cache, limits), lost=_lost_row)
     total(len(folders))
     done = []
@@ -126,7 +126,7 @@ def freeze_scene(
         scene=folder.name,
         status="ok" if good else "invalid",
         checks=checks,
-        warnings=[*warnings_of_program(folder, artefacts), *_not_portable(folder, dependencies)],
+        warnings=[*list_program_warnings(folder, artefacts), *_not_portable(folder, dependencies)],
     )
 
 

@@ -91,7 +91,7 @@ class SceneReader:
             questions[0].image.scene,
             options[0],
             self._blender,
-            normals=_normals_of([options[asked.run] for asked in questions]),
+            normals=_wanted_normals([options[asked.run] for asked in questions]),
         )
         exact = [options[asked.run].protocol.readout.needs_instances for asked in questions]
         ordered = sorted(zip(questions, exact, strict=True), key=lambda pair: not pair[1])
@@ -219,7 +219,7 @@ def _with_side_files(asked: SharedScene, protocol: Protocol) -> SceneOfImage:
     )
 
 
-def _normals_of(options: Sequence[ImageOptions]) -> Variant | None:
+def _wanted_normals(options: Sequence[ImageOptions]) -> Variant | None:
     """Those that a task of the pass asks for; None where none does."""
     for one in options:
         if one.normals is not None:

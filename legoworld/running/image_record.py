@@ -250,12 +250,7 @@ def _instance_report(
             for text, count in grouping.outside_vocabulary.items()
         ),
         unexported=_list_unexported(
-            scene,
-            grouping,
-            [i for i in labelled if i.id not in answers],
-            seen,
-            vocabulary,
-            threads,
+            scene, grouping, [i for i in labelled if i.id not in answers], seen, vocabulary, threads
         ),
     )
 

@@ -15,11 +15,11 @@ from legoworld.files import atomic_path
 from legoworld.readouts.protocol import load_readout_family
 from legoworld.records.base import RecordError, as_json, decode
 from legoworld.records.folders import run_folder
-from legoworld.records.folders.folder_kind import folder_of_other_kind
 from legoworld.records.folders.read_run import (
     RUN,
     SUMMARY,
     damaged_error,
+    describe_other_folder,
     finished_records,
     refuse_altered,
 )
@@ -28,7 +28,7 @@ from legoworld.records.repeats import find_repeated
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary, Shard
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult, run_document, summarise
-from legoworld.tasks.registry import find_task, task_named
+from legoworld.tasks.registry import find_task, require_task
 
 #: The keys in which the configurations of two shards of one run differ.
 _OWN: Final = ("attempted", "partial", "shard", "images_per_file")
@@ -50,7 +50,7 @@ def merge_shards(
     alone = len(shards) == 1 and not configurations[0].shard
     whole = configurations[0] if alone else _undivided_configuration(list(shards), configurations)
     configuration = run_folder.divide_configuration(whole, images_per_file)
-    readout = load_readout_family(task_named(configuration.task))
+    readout = load_readout_family(require_task(configuration.task))
     with_predictions = readout.exports is not None
     _refuse_division(images_per_file, with_predictions=with_predictions)
     _refuse_own_output(shards, output)
@@ -137,7 +137,7 @@ def _finished_document(folder: Path) -> RunFile:
             raise RecordError(f"task {document.configuration.task!r}")
     except (OSError, RecordError) as error:
         raise UsageError(
-            folder_of_other_kind(folder, "a run") or f"{folder} is not a finished shard",
+            describe_other_folder(folder, "a run") or f"{folder} is not a finished shard",
             found=cause(error),
             expected="the output of `legoworld readout --shard i/n`, or one undivided run alone",
             next_step="run its command again to resume",

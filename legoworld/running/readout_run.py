@@ -26,7 +26,7 @@ from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import ROW_SCHEMA, ImageOptions
 from legoworld.scene.cache import bpy_version
 from legoworld.scene.snapshot import SNAPSHOT_SCHEMA
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 from legoworld.tracks.track import Track, TrackImage
 from legoworld.version import __version__
 
@@ -106,7 +106,7 @@ def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummar
         ),
         warnings=sum(len(row.warnings) for row in rows),
     )
-    return load_readout_family(task_named(configuration.task)).sum_up(summary, rows, ok)
+    return load_readout_family(require_task(configuration.task)).sum_up(summary, rows, ok)
 
 
 def run_configuration(request: RunRequest, images: list[TrackImage]) -> Configuration:

@@ -58,13 +58,7 @@ def read_submission(
     assert image.hfov_deg is not None
     try:
         row, surface = read_surface(
-            row,
-            scene.snapshot,
-            image.hfov_deg,
-            opened,
-            rules,
-            options.run,
-            options.threads,
+            row, scene.snapshot, image.hfov_deg, opened, rules, options.run, options.threads
         )
         if rules.card is not None:
             row = read_render(row, opened, rules.card, rules, options.run, options.threads)
@@ -103,7 +97,7 @@ def _warnings(
         warnings.append("the camera is orthographic: R takes its pose and not its projection")
     if not surface.finite_px:
         warnings.append("the camera sees nothing: every pixel is without geometry")
-    filled = _filled(scene, surface, threads)
+    filled = _filled_view_warning(scene, surface, threads)
     warnings += [filled] if filled else []
     validity = row.validity
     assert validity
@@ -117,7 +111,7 @@ def _warnings(
     return warnings
 
 
-def _filled(scene: ReadScene, surface: VisibleSurface, threads: int) -> str | None:
+def _filled_view_warning(scene: ReadScene, surface: VisibleSurface, threads: int) -> str | None:
     """A warning where the camera stands inside of something; V and the scores stay as they are."""
     found = filled_view(scene.snapshot, surface, threads=threads)
     if found is None:

@@ -6,13 +6,17 @@ folder has the bytes that a pass for its task alone writes.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import IO
 
-from legoworld.pluralize import share, word_for
+from legoworld import exit_codes
+from legoworld.errors import LegoWorldError
+from legoworld.pluralize import plural, share, word_for
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.read_run import CONFIGURATION
 from legoworld.records.folders.run_journal import (
@@ -24,7 +28,6 @@ from legoworld.records.folders.run_journal import (
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import RunRow
 from legoworld.remote import PlaceError
-from legoworld.running.disk import check_disk
 from legoworld.running.image import (
     Answers,
     Question,
@@ -51,6 +54,47 @@ from legoworld.tracks.track import TrackImage
 from legoworld.visibility.library import library
 from legoworld.workers.engines import ENGINES, EngineName, Job, Worker
 from legoworld.workers.processors import usable_cores
+
+
+class OutputFullError(LegoWorldError):
+    """The run's output does not fit on the disk."""
+
+    code = "disk_full"
+    exit_code = exit_codes.BLOCKED
+
+
+def check_disk(
+    folder: Path,
+    file_bytes: Sequence[int],
+    notice: Callable[[str], None],
+    *,
+    what: str,
+    next_step: str,
+    beside: int = 0,
+) -> None:
+    """Report the size of all files; OutputFullError if they do not fit.
+
+    what: such as "depth"; beside: bytes that other runs of the same pass write.
+    """
+    expected = sum(file_bytes)
+    free = shutil.disk_usage(folder).free
+    notice(
+        f"{what}: about {_megabytes(expected)} for "
+        f"{plural(len(file_bytes), 'image', 'images')} of known size, "
+        f"{_megabytes(free)} free"
+    )
+    if expected + beside > free:
+        raise OutputFullError(
+            f"the {what} files will not fit on the disk",
+            found=f"{_megabytes(free)} free",
+            expected=_megabytes(expected + beside),
+            next_step=next_step,
+        )
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB"
+
 
 Say = Callable[[str], None]
 

@@ -186,10 +186,7 @@ def read_surface(
         return replace(row, surface=_surface_entry(run, name, surface)), surface
     facts = opened.facts(rules.thumbnail_wh)
     planes, plane = facing_planes(
-        snapshot,
-        surface,
-        max_tilt_deg=rules.plane_max_tilt_deg,
-        min_share=rules.plane_min_share,
+        snapshot, surface, max_tilt_deg=rules.plane_max_tilt_deg, min_share=rules.plane_min_share
     )
     write_surface(run / name, surface, plane, facts.textures)
     images_of = facts.values["images_of"]
@@ -245,12 +242,7 @@ def card_size(size_wh: tuple[int, int], longest_side_px: int) -> tuple[int, int]
 
 
 def read_render(
-    row: RunRow,
-    opened: OpenedScene,
-    card: RenderCard,
-    rules: BenchRules,
-    run: Path,
-    threads: int,
+    row: RunRow, opened: OpenedScene, card: RenderCard, rules: BenchRules, run: Path, threads: int
 ) -> RunRow:
     """Write the render; the row with it. Raises the verdicts of a Blender process."""
     assert row.size_wh is not None

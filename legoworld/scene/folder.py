@@ -122,18 +122,18 @@ def is_scene_file(path: Path) -> bool:
 
 
 def scene_at(path: Path, source: Source) -> tuple[SceneFolder, Source]:
-    """The scene of a path, and the source to read, `source_of`. Raises SceneMissingError.
+    """The scene of a path, and the source to read, `file_source`. Raises SceneMissingError.
 
     path: a scene folder, or any .blend or .glb, as `find_scene` takes it.
     """
     whole = path.resolve()
-    own = source_of(whole, source)
+    own = file_source(whole, source)
     if is_scene_file(whole) and whole.name in (BLEND, GLB):
         whole = whole.parent
     return find_scene(whole.parent, whole.name), own
 
 
-def source_of(path: Path, source: Source) -> Source:
+def file_source(path: Path, source: Source) -> Source:
     """The source of a scene file, which is its own; of a folder the one that is given."""
     if not is_scene_file(path):
         return source

@@ -195,7 +195,7 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
                 expected=f"{FROZEN} beside the scene",
                 next_step="run `legoworld freeze` on the scenes first",
             )
-        warnings = warnings_of_program(scene, now)
+        warnings = list_program_warnings(scene, now)
         return FrozenFiles(artefacts=now, dependencies={}, frozen="at_readout", warnings=warnings)
     record = side_file.value
     if require_frozen and record.status != "ok":
@@ -217,11 +217,11 @@ def checked_artefacts(scene: SceneFolder, *, require_frozen: bool) -> FrozenFile
         artefacts=now,
         dependencies=dependencies,
         frozen="frozen.json",
-        warnings=warnings_of_program(scene, now),
+        warnings=list_program_warnings(scene, now),
     )
 
 
-def warnings_of_program(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
+def list_program_warnings(scene: SceneFolder, artefacts: Hashes) -> tuple[str, ...]:
     """A warning where the program that built the scene.blend of these hashes was stopped."""
     if scene.lone is not None:
         return ()

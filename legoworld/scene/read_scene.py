@@ -204,7 +204,7 @@ def _from_glb(
     """Read scene.glb here, without Blender."""
     from legoworld.scene.gltf.buffers import external_files
     from legoworld.scene.gltf.container import parse_glb
-    from legoworld.scene.gltf.snapshot import snapshot_of_glb
+    from legoworld.scene.gltf.snapshot import read_glb_snapshot
 
     data = scene.file(GLB).read_bytes()
     if hashlib.sha256(data).hexdigest() != hashed.sha256:
@@ -212,7 +212,7 @@ def _from_glb(
     parsed = parse_glb(data)
     names = external_files(parsed.document, scene.path)
     known = hashed_dependencies(scene, names, files, read_by=GLB)
-    snapshot = snapshot_of_glb(
+    snapshot = read_glb_snapshot(
         parsed, scene.path, any_camera=any_camera, corner_normals=corner_normals
     )
     # A file beside it may have been replaced meanwhile: what was hashed must be what was read.

@@ -104,10 +104,7 @@ class RenderSettings:
     def size_wh(self) -> tuple[int, int]:
         """The picture's size as Blender computes it: percentage applied, rounded down."""
         share = self.resolution_percentage
-        return (
-            max(1, self.resolution_x * share // 100),
-            max(1, self.resolution_y * share // 100),
-        )
+        return (max(1, self.resolution_x * share // 100), max(1, self.resolution_y * share // 100))
 
 
 Wrap = Literal["repeat", "extend", "clip", "mirror"]

@@ -124,12 +124,12 @@ class _Reader:
             name = _require_attribute(attributes, "name", "a joint")
             self.joints.append(_Joint(name=name, type=attributes.get("type", "")))
         elif self._open[:2] == ["robot", "joint"] and len(self._open) == 3:
-            self._part_of_joint(self.joints[-1], tag, attributes)
+            self._read_joint_part(self.joints[-1], tag, attributes)
 
     def end(self, _tag: str) -> None:
         self._open.pop()
 
-    def _part_of_joint(self, joint: _Joint, tag: str, attributes: Mapping[str, str]) -> None:
+    def _read_joint_part(self, joint: _Joint, tag: str, attributes: Mapping[str, str]) -> None:
         what = f"{tag} of joint {joint.name!r}"
         if tag in ("parent", "child"):
             setattr(joint, tag, _require_attribute(attributes, "link", what))

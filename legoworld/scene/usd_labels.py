@@ -26,8 +26,7 @@ def refuse_missing_usd() -> None:
     """UsageError where usd-core is not installed."""
     if find_spec("pxr") is None:
         raise UsageError(
-            "USD needs usd-core, which is not installed",
-            next_step=extras.install_command("usd"),
+            "USD needs usd-core, which is not installed", next_step=extras.install_command("usd")
         )
 
 

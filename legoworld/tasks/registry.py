@@ -35,7 +35,7 @@ def find_task(name: str) -> Task | None:
     return _load_task(entries[0]) if entries else None
 
 
-def task_named(name: str) -> Task:
+def require_task(name: str) -> Task:
     """The task of a name. UsageError for no task; the same error."""
     task = find_task(name)
     if task is None:
@@ -50,7 +50,7 @@ def task_named(name: str) -> Task:
 
 def find_family(task: str) -> Family:
     """The family of a task by its name. The same errors."""
-    return task_named(task).family
+    return require_task(task).family
 
 
 def task_names() -> tuple[str, ...]:
@@ -79,7 +79,7 @@ def _load_added() -> tuple[list[Task], list[InstallationError]]:
     errors: list[InstallationError] = []
     for name in task_names()[len(TASKS) :]:
         try:
-            tasks.append(task_named(name))
+            tasks.append(require_task(name))
         except InstallationError as error:
             errors.append(error)
     return tasks, errors

@@ -7,92 +7,57 @@ from typing import Any, Final, Literal
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.tasks.task import Dataset, Family, Task
 
-DETECTION: Final = Family(
-    name="detection",
-    noun="boxes and masks",
-    records="legoworld.records.detection:RECORDS",
-    readout="legoworld.readouts.detection:READOUT",
-    evaluation="legoworld.evaluation.detection.family:EVALUATION",
+
+def _family(name: str, noun: str, *, files: str | None = None, **own: Any) -> Family:
+    """A family whose value in each storey is in the module of its name, as shipped ones have it.
+
+    files: the modules that it shares with another family, under its own name in capitals; own:
+    what is elsewhere, and the other fields.
+    """
+    shared = files or name
+
+    def value(usual: str) -> str:
+        return name.upper() if files else usual
+
+    storeys = {
+        "records": f"legoworld.records.{shared}:RECORDS",
+        "readout": f"legoworld.readouts.{name}:READOUT",
+        "evaluation": f"legoworld.evaluation.{name}.family:EVALUATION",
+        "comparison": f"legoworld.comparison.{shared}:{value('COMPARISON')}",
+        "page": f"legoworld.report.{shared}_page:{value('PAGE')}",
+        "track": f"legoworld.track_making.{shared}:{value('TRACK')}",
+        "baseline": f"legoworld.baselines.{name}:BASELINE",
+    }
+    return Family(name=name, noun=noun, **{**storeys, **own})
+
+
+DETECTION: Final = _family(
+    "detection",
+    "boxes and masks",
     comparison="legoworld.comparison.detections:COMPARISON",
-    page="legoworld.report.detection_page:PAGE",
     track="legoworld.track_making.annotations:TRACK",
-    baseline="legoworld.baselines.detection:BASELINE",
     labelled=True,
     options=frozenset({"evaluator", "images_per_file", "vocabulary"}),
 )
-DEPTH: Final = Family(
-    name="depth",
-    noun="depth",
-    records="legoworld.records.depth:RECORDS",
-    readout="legoworld.readouts.depth:READOUT",
-    evaluation="legoworld.evaluation.depth.family:EVALUATION",
-    comparison="legoworld.comparison.depth:COMPARISON",
-    page="legoworld.report.depth_page:PAGE",
-    track="legoworld.track_making.depth:TRACK",
-    baseline="legoworld.baselines.depth:BASELINE",
-    by_policy=True,
-    options=frozenset({"camera_model", "max_side"}),
+DEPTH: Final = _family(
+    "depth", "depth", by_policy=True, options=frozenset({"camera_model", "max_side"})
 )
-NORMALS: Final = Family(
-    name="normals",
-    noun="normals",
-    records="legoworld.records.normals:RECORDS",
-    readout="legoworld.readouts.normals:READOUT",
-    evaluation="legoworld.evaluation.normals.family:EVALUATION",
-    comparison="legoworld.comparison.normals:COMPARISON",
-    page="legoworld.report.normals_page:PAGE",
-    track="legoworld.track_making.normals:TRACK",
-    baseline="legoworld.baselines.normals:BASELINE",
-    by_policy=True,
-    options=frozenset({"max_side", "variant"}),
+NORMALS: Final = _family(
+    "normals", "normals", by_policy=True, options=frozenset({"max_side", "variant"})
 )
-RELATIONS: Final = Family(
-    name="relations",
-    noun="relations",
-    records="legoworld.records.relations:RECORDS",
-    readout="legoworld.readouts.relations:READOUT",
-    evaluation="legoworld.evaluation.relations.family:EVALUATION",
-    comparison="legoworld.comparison.relations:COMPARISON",
-    page="legoworld.report.relations_page:PAGE",
-    track="legoworld.track_making.relations:TRACK",
-    baseline="legoworld.baselines.relations:BASELINE",
-    labelled=True,
-    by_policy=True,
+RELATIONS: Final = _family("relations", "relations", labelled=True, by_policy=True)
+PANOPTIC: Final = _family(
+    "panoptic", "panoptic segments", files="label_maps", labelled=True, options=frozenset({"sky"})
 )
-PANOPTIC: Final = Family(
-    name="panoptic",
-    noun="panoptic segments",
-    records="legoworld.records.label_maps:RECORDS",
-    readout="legoworld.readouts.panoptic:READOUT",
-    evaluation="legoworld.evaluation.panoptic.family:EVALUATION",
-    comparison="legoworld.comparison.label_maps:PANOPTIC",
-    page="legoworld.report.label_maps_page:PANOPTIC",
-    track="legoworld.track_making.label_maps:PANOPTIC",
-    baseline="legoworld.baselines.panoptic:BASELINE",
-    labelled=True,
-    options=frozenset({"sky"}),
+SEMANTIC: Final = _family(
+    "semantic", "semantic maps", files="label_maps", labelled=True, options=frozenset({"sky"})
 )
-SEMANTIC: Final = Family(
-    name="semantic",
-    noun="semantic maps",
-    records="legoworld.records.label_maps:RECORDS",
-    readout="legoworld.readouts.semantic:READOUT",
-    evaluation="legoworld.evaluation.semantic.family:EVALUATION",
-    comparison="legoworld.comparison.label_maps:SEMANTIC",
-    page="legoworld.report.label_maps_page:SEMANTIC",
-    track="legoworld.track_making.label_maps:SEMANTIC",
-    baseline="legoworld.baselines.semantic:BASELINE",
-    labelled=True,
-    options=frozenset({"sky"}),
-)
-RECONSTRUCTION: Final = Family(
-    name="reconstruction",
-    noun="a bench",
-    records="legoworld.records.reconstruction:RECORDS",
+RECONSTRUCTION: Final = _family(
+    "reconstruction",
+    "a bench",
     readout="legoworld.running.submission:READOUT",
-    evaluation="legoworld.evaluation.reconstruction.family:EVALUATION",
-    comparison="legoworld.comparison.reconstruction:COMPARISON",
-    page="legoworld.report.reconstruction_page:PAGE",
+    track=None,
+    baseline=None,
     options=frozenset({"reference_sampling", "diagnostics", "render", "render_noise"}),
     draws=10_000,
 )

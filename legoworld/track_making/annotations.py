@@ -19,11 +19,10 @@ from legoworld.evaluation.detection.protocols import PAYLOADS
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, read_json, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo
-from legoworld.tasks.registry import task_named
+from legoworld.tasks.registry import require_task
 from legoworld.track_making.family import TrackFamily
-from legoworld.tracks.dataset_versions import dataset_version
 from legoworld.tracks.source import Source
-from legoworld.tracks.vocabulary import categories_in, make_vocabulary
+from legoworld.tracks.vocabulary import categories_in, dataset_version, make_vocabulary
 
 #: The allowed keys of an image. LVIS's lists of verified categories count as annotations.
 _PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key not in PRIVATE_KEYS)
@@ -64,7 +63,7 @@ def annotation_source(task: str, path: Path) -> Source:
     annotations = document.get("annotations")
     if isinstance(annotations, list):
         check_image_values(
-            str(path), list(images.values()), federated=task_named(task).dataset.federated
+            str(path), list(images.values()), federated=require_task(task).dataset.federated
         )
         check_annotations(
             str(path),
@@ -96,7 +95,7 @@ def annotation_source(task: str, path: Path) -> Source:
 def _check_dataset(task: str, path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
     """LVIS lists verified categories on every image, COCO on none."""
     federated = [e for e in entries if "neg_category_ids" in e]
-    if len(federated) != (len(entries) if task_named(task).dataset.federated else 0):
+    if len(federated) != (len(entries) if require_task(task).dataset.federated else 0):
         raise CatalogError(
             f"{path} is not ground truth of {task}",
             found=f"{len(federated)} of {len(entries)} images have neg_category_ids",

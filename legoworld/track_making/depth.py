@@ -11,8 +11,7 @@ from legoworld.evaluation.depth.declaration import DECLARATION, read_declaration
 from legoworld.evaluation.depth.integer_units import UNITS, is_unit
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.depth.truth import planar_metres
-from legoworld.evaluation.pixels.declaration import declare
-from legoworld.evaluation.pixels.labelled import claimed_size
+from legoworld.evaluation.pixels.labelled import claimed_size, declare
 from legoworld.track_making.eth3d import eth3d_source
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source

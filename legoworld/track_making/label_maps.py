@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from legoworld.cards import load_card
 from legoworld.errors import UsageError
-from legoworld.evaluation.label_maps.errors import MapTruthError
+from legoworld.evaluation.label_maps.family import MapTruthError
 from legoworld.evaluation.label_maps.png import read_values
 from legoworld.evaluation.panoptic.truth import read_truth
 from legoworld.evaluation.semantic.truth import find_png
@@ -22,9 +22,8 @@ from legoworld.shipped import catalog
 from legoworld.track_making.annotations import annotation_source
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
-from legoworld.tracks.dataset_versions import dataset_version
 from legoworld.tracks.source import Source
-from legoworld.tracks.vocabulary import categories_in, make_vocabulary
+from legoworld.tracks.vocabulary import categories_in, dataset_version, make_vocabulary
 
 
 def panoptic_source(task: str, path: Path, _options: Mapping[str, object]) -> Source:

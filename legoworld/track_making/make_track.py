@@ -19,9 +19,9 @@ from legoworld.pluralize import in_another_folder
 from legoworld.records.base import UNSET, canonical, readable
 from legoworld.records.track import ImageInfo, MadeTrack, TrackInfo
 from legoworld.track_making.family import load_track_family
-from legoworld.tracks.dataset_versions import find_dataset
 from legoworld.tracks.source import Source
 from legoworld.tracks.track import TrackImage, load_track, photo_names, photo_scene_name
+from legoworld.tracks.vocabulary import find_dataset
 
 T = TypeVar("T")
 _PHOTO_FOLDERS: Final = ("", "train2017", "val2017")

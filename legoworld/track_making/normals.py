@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.normals.arrays import DECLARATION, read_declaration, read_normals
-from legoworld.evaluation.normals.truth import file_stems
-from legoworld.evaluation.pixels.declaration import declare
-from legoworld.evaluation.pixels.labelled import claimed_size
+from legoworld.evaluation.normals.arrays import (
+    DECLARATION,
+    file_stems,
+    read_declaration,
+    read_normals,
+)
+from legoworld.evaluation.pixels.labelled import claimed_size, declare
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
 from legoworld.tracks.source import Source

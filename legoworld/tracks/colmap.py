@@ -246,9 +246,7 @@ def _unreadable_file(
     path: Path, error: OSError | UnicodeDecodeError, expected: str
 ) -> CalibrationError:
     return CalibrationError(
-        f"{path.parent.name}/{path.name} cannot be read",
-        found=cause(error),
-        expected=expected,
+        f"{path.parent.name}/{path.name} cannot be read", found=cause(error), expected=expected
     )
 
 

@@ -10,13 +10,12 @@ from pathlib import Path, PurePosixPath
 from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode
-from legoworld.records.folders.folder_kind import folder_of_other_kind
+from legoworld.records.folders.read_run import describe_other_folder
 from legoworld.records.probe import Probe
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo, Question, TrackFile
 from legoworld.remote import Place, folders_holding
-from legoworld.tracks.dataset_versions import find_dataset
-from legoworld.tracks.vocabulary import Vocabulary, make_vocabulary
+from legoworld.tracks.vocabulary import Vocabulary, find_dataset, make_vocabulary
 
 _SCENE_FILES = ("scene.blend", "scene.glb")
 _BESIDE_A_SCENE = ("final.png", "scene.py", "labels.json", "provenance.json", "frozen.json",
@@ -86,7 +85,7 @@ def serves(track: Track, task: str) -> bool:
     return track.made_for is None or find_dataset(track.made_for) == find_dataset(task)
 
 
-def track_of_folder(scenes: Place) -> Track:
+def make_folder_track(scenes: Place) -> Track:
     """Every folder below SCENES with a scene file is an image, numbered in sorted order."""
     if isinstance(scenes, str):
         top = PurePosixPath(scenes).name
@@ -100,7 +99,7 @@ def track_of_folder(scenes: Place) -> Track:
         )
     if not folders:
         raise CatalogError(
-            folder_of_other_kind(Path(scenes), "a folder of scenes") or "no scene to read",
+            describe_other_folder(Path(scenes), "a folder of scenes") or "no scene to read",
             found=f"no scene.blend or scene.glb below {scenes}",
             expected="SCENES/<photo name without extension>/scene.blend",
             next_step="pass the folder that contains the scene folders",

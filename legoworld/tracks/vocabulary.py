@@ -1,4 +1,4 @@
-"""Category vocabularies: matching labels to the category names of a dataset."""
+"""Category vocabularies: matching labels to the category names of a dataset, of which version."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from legoworld.files import Json, canonical_json, sha256_of_text
 from legoworld.records.base import UNSET, RecordError, read_json, to_record
 from legoworld.records.repeats import find_repeated
 from legoworld.records.track import CategoryInfo
+from legoworld.shipped import catalog
+from legoworld.tasks.registry import find_task
 
 #: Maximum number of cached matches: a scene may contain any number of labels.
 _REMEMBERED: Final = 10_000
@@ -202,3 +204,21 @@ def load(path: Path) -> Vocabulary:
         return from_json(read_json(path.read_bytes()), str(path))
     except RecordError as error:
         raise CatalogError(f"{path} cannot be read", found=str(error)) from error
+
+
+def find_dataset(task: str) -> str:
+    """The dataset whose tracks, categories and truth a task uses; an unknown task is its own."""
+    known = find_task(task)
+    return known.dataset.name if known else task
+
+
+def dataset_version(vocabulary: Vocabulary, task: str) -> str:
+    """The version of a task's dataset, from its categories; "custom" if they match none."""
+    known = find_task(task)
+    if known is None or known.dataset.version is None:
+        return "custom"
+    dataset = known.dataset
+    shipped = load(catalog.folder("datasets") / dataset.name / "categories.json")
+    if vocabulary.sha256 == shipped.sha256:
+        return known.dataset.version
+    return dataset.by_categories.get(len(vocabulary.categories), "custom")

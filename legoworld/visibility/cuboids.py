@@ -27,7 +27,7 @@ EDGES: Final = (
 _NEAREST_M: Final = 1e-3
 
 
-def corners_of(center: Floats, axes: Floats, size_xyz: Floats) -> Floats:
+def cuboid_corners(center: Floats, axes: Floats, size_xyz: Floats) -> Floats:
     """(8, 3) corners of a box. axes: (3, 3), its own axes as columns."""
     half = SIGNS * (size_xyz / 2)
     return np.stack(
@@ -42,7 +42,7 @@ def edge_vectors(corners: Floats) -> Floats:
     return edges
 
 
-def box_of_corners(corners: Floats) -> tuple[Floats, Floats, list[float]]:
+def measure_cuboid(corners: Floats) -> tuple[Floats, Floats, list[float]]:
     """Centre, axes as columns, and sizes along them of (8, 3) corners; a flat axis is zeros."""
     edges = edge_vectors(corners)
     sizes = np.sqrt((edges**2).sum(axis=1))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
 from legoworld.visibility.kernel import MAX_SIDE
-from legoworld.visibility.lens import Lens, undistorted
+from legoworld.visibility.lens import Lens, undistort
 from legoworld.visibility.projection import Projection
 
 #: Samples of the pinhole picture along a pixel's side.
@@ -49,7 +49,7 @@ def lens_map(lens: Lens, pinhole: Projection, size_wh: tuple[int, int]) -> LensM
     """
     width, height = size_wh
     centres = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
-    found = undistorted(
+    found = undistort(
         lens, (pinhole.fx, pinhole.fy), (pinhole.cx, pinhole.cy), centres.reshape(-1, 2)
     ).xy_px
     # The rays of a wide fisheye go far out: what no picture can hold is not valid.

@@ -103,9 +103,8 @@ def render_into(
 ) -> Buffers:
     """Render, and fill the arrays that `hits` points to."""
     call = prepare(surfaces, projection, size_wh, depth_scale, threads)
-    width, height = size_wh
-    instance = on_cache_lines(height, width).view(np.int32)
-    depth_z_m = on_cache_lines(height, width).view(np.float32)
+    instance = on_cache_lines(size_wh[1], size_wh[0]).view(np.int32)
+    depth_z_m = on_cache_lines(size_wh[1], size_wh[0]).view(np.float32)
     status = library().lw_render(
         ctypes.byref(call.surfaces),
         ctypes.byref(call.view),

@@ -199,7 +199,7 @@ def occluders(layers: AmodalLayers) -> HiddenPixels:
     """
     counts = np.diff(layers.start)
     first = layers.instance[layers.start[:-1][counts > 0]]
-    return _counted(layers.instance, np.repeat(first, counts[counts > 0]))
+    return _count_pairs(layers.instance, np.repeat(first, counts[counts > 0]))
 
 
 def direct_occluders(layers: AmodalLayers) -> HiddenPixels:
@@ -211,10 +211,10 @@ def direct_occluders(layers: AmodalLayers) -> HiddenPixels:
     in_front = np.empty_like(layers.instance)
     in_front[1:] = layers.instance[:-1]
     in_front[first] = layers.instance[first]
-    return _counted(layers.instance, in_front)
+    return _count_pairs(layers.instance, in_front)
 
 
-def _counted(hidden: NDArray[np.int32], hiding: NDArray[np.int32]) -> HiddenPixels:
+def _count_pairs(hidden: NDArray[np.int32], hiding: NDArray[np.int32]) -> HiddenPixels:
     """Pairs of ids, counted; an instance with itself, the nearest of a pixel, is left out."""
     base = int(hidden.max(initial=HOLDOUT)) - HOLDOUT + 1
     pairs, count = np.empty(0, np.int64), np.empty(0, np.int64)

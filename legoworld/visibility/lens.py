@@ -41,7 +41,7 @@ class Undistorted:
     behind: NDArray[np.bool_]
 
 
-def undistorted(
+def undistort(
     lens: Lens, focal: tuple[float, float], centre: tuple[float, float], xy_px: F64
 ) -> Undistorted:
     """Where the pinhole sees what the lens shows at pixels (n, 2), x and y from the top left."""

@@ -94,7 +94,7 @@ class Camera:
         )
 
 
-def camera_of_scene(
+def place_scene_camera(
     camera: SceneCamera, render: RenderSettings, size_wh: tuple[int, int]
 ) -> Camera:
     """A camera of a file at a picture size: what Blender would render with it as the active one."""

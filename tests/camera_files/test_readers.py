@@ -12,7 +12,7 @@ import pytest
 
 from legoworld.camera_files.read import read_camera_file
 from legoworld.tracks.colmap import CalibrationError
-from legoworld.visibility.lens import undistorted
+from legoworld.visibility.lens import undistort
 
 S = math.sqrt(0.5)
 
@@ -73,7 +73,7 @@ def test_colmap_models_against_pycolmap(tmp_path, camera, fisheye, coefficients)
         model=model, width=int(width), height=int(height), params=list(map(float, params))
     )
     pixels = np.random.default_rng(0).uniform((10, 10), (54, 38), (50, 2))
-    ours = undistorted(read.lens, (read.fx, read.fy), (read.cx, read.cy), pixels).xy_px
+    ours = undistort(read.lens, (read.fx, read.fy), (read.cx, read.cy), pixels).xy_px
     rays = theirs.cam_from_img(pixels)
     np.testing.assert_allclose((ours - [read.cx, read.cy]) / [read.fx, read.fy], rays, atol=1e-6)
 
@@ -84,7 +84,7 @@ def test_eth3d_s_two_calibrations_of_courtyard_agree(tmp_path):
     numbers = f"6048 4032 3411.42 3410.02 3041.29 2014.07 {lens}"
     (read,) = read_camera_file(colmap(tmp_path, camera=f"1 THIN_PRISM_FISHEYE {numbers}"))
     corners = np.array([(x, y) for y in (0.0, 4032.0) for x in (0.0, 6048.0)])
-    ours = undistorted(read.lens, (read.fx, read.fy), (read.cx, read.cy), corners).xy_px
+    ours = undistort(read.lens, (read.fx, read.fy), (read.cx, read.cy), corners).xy_px
     theirs = [(x, y) for y in (0, 4129) for x in (0, 6198)]
     shifted = ours - (read.cx, read.cy) + (3116.72, 2062.52)
     np.testing.assert_allclose(shifted, theirs, atol=5)  # their edges are cut to what is seen
@@ -92,7 +92,7 @@ def test_eth3d_s_two_calibrations_of_courtyard_agree(tmp_path):
     params = [*map(float, numbers.split()[2:])]
     camera = pycolmap.Camera(model="THIN_PRISM_FISHEYE", width=6048, height=4032, params=params)
     pixels = np.random.default_rng(0).uniform((0, 0), (6048, 4032), (200, 2))
-    found = undistorted(read.lens, (read.fx, read.fy), (read.cx, read.cy), pixels).xy_px
+    found = undistort(read.lens, (read.fx, read.fy), (read.cx, read.cy), pixels).xy_px
     rays = (found - (read.cx, read.cy)) / (read.fx, read.fy)
     np.testing.assert_allclose(rays, camera.cam_from_img(pixels), atol=1e-8)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from evaluation.commands import evaluate, files, made, small_pieces
 
-from legoworld.evaluation.pixels.image_tasks import image_tasks
+from legoworld.evaluation.pixels.evaluate import image_tasks
 from legoworld.workers.tasks import WorkerPool, map_items
 
 ray = pytest.importorskip("ray")

@@ -19,8 +19,7 @@ from legoworld.readouts.instructions import accepted_synonyms, instructions
 from legoworld.readouts.protocol import protocol
 from legoworld.shipped import catalog
 from legoworld.tasks.shipped import TASKS as SHIPPED
-from legoworld.tracks.dataset_versions import find_dataset
-from legoworld.tracks.vocabulary import Category, Vocabulary
+from legoworld.tracks.vocabulary import Category, Vocabulary, find_dataset
 
 MAPS = [task.name for task in SHIPPED if task.family.name in ("panoptic", "semantic")]
 LABELLED = ["coco", "coco-masks", "amodal", "boxes3d", "lvis", *MAPS]

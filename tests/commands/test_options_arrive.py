@@ -127,7 +127,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
     ("compare . d -o out", "legoworld.api.comparison.compare",
      {"draws": 2000, "seed": 0, "fail_below": (), "allow_truth_prompts": False,
       "overwrite": False}),
-    ("compare --join . d -o out --overwrite", "legoworld.comparison.make_comparison.make_joined",
+    ("compare --join . d -o out --overwrite", "legoworld.comparison.make_comparison.join_folders",
      {"0": (Path(), Path("d")), "1": Path("out"), "overwrite": True}),
     (f"export . -o out --format bop --task lvis --track {TRACK} --size 40x30 --source glb "
      "--require-frozen --overwrite --no-cache --time-limit 9 --memory-limit 2",

@@ -10,12 +10,17 @@ from typing import Any
 import numpy as np
 from evaluation.depth.folders import evaluate_depth, plane, write_arrays
 from evaluation.depth.folders import write_run as write_depth_run
-from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from evaluation.detection_runs import (
+    evaluate_detections,
+    random_predictions,
+    random_truth,
+    write_run,
+    write_truth,
+)
 from numpy.typing import NDArray
 
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.evaluation.checks import Check
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.files import sha256_of_file
 from legoworld.records.base import canonical

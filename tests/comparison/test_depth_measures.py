@@ -11,13 +11,13 @@ from legoworld.comparison.depth import COMPARED
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE
 from legoworld.comparison.pixels import (
     GroupDraws,
+    list_pixel_metrics,
     measure_pixels,
-    metrics_of,
     shared_group_draws,
 )
 from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.pixels.family import metric_policies
-from legoworld.evaluation.pixels.summary import unit_of
+from legoworld.evaluation.pixels.summary import resampling_unit
 
 
 def rows_of(*groups: str) -> list[SimpleNamespace]:
@@ -25,7 +25,7 @@ def rows_of(*groups: str) -> list[SimpleNamespace]:
 
 
 def test_deltas_are_better_higher_and_errors_lower():
-    better = {metric.id.split(".")[0]: metric.better for metric in metrics_of(PIXELS)}
+    better = {metric.id.split(".")[0]: metric.better for metric in list_pixel_metrics(PIXELS)}
     assert better == {
         name: "higher" if name in ("delta1", "delta2", "delta3") else "lower"
         for name, _ in metric_policies(PIXELS.metrics)
@@ -33,7 +33,7 @@ def test_deltas_are_better_higher_and_errors_lower():
 
 
 def test_the_headline_is_abs_rel_and_the_primary_delta1_and_higher_deltas_are_details():
-    level = {metric.id: metric.level for metric in metrics_of(PIXELS)}
+    level = {metric.id: metric.level for metric in list_pixel_metrics(PIXELS)}
     headline = {name for name, value in level.items() if value == HEADLINE}
     pairs = metric_policies(PIXELS.metrics)
     assert headline == {
@@ -56,7 +56,7 @@ def test_the_headline_is_abs_rel_and_the_primary_delta1_and_higher_deltas_are_de
 )
 def test_scenes_are_resampled_only_where_every_photo_is_of_one(names, unit):
     rows = [SimpleNamespace(file_name=name, group=PIXELS.group(name)) for name in names]
-    assert unit_of(rows) == unit
+    assert resampling_unit(rows) == unit
 
 
 def test_one_group_has_no_draws():
@@ -71,6 +71,9 @@ def test_one_group_has_no_draws():
 def test_a_side_without_a_scored_image_has_no_mean_and_no_samples():
     class Empty:
         rows = ()
+
+        def kept_rows(self, _kept):
+            return []
 
     measures = measure_pixels(
         COMPARED,

@@ -20,9 +20,9 @@ from comparison.evaluations import (
 from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld.comparison import folder as comparison_folder
+from legoworld.comparison.detections import restrict_table
 from legoworld.comparison.folder import prepare_folder, read_document, write_comparison
-from legoworld.comparison.make_comparison import make_joined
-from legoworld.comparison.subsets import table_of_images
+from legoworld.comparison.make_comparison import join_folders
 from legoworld.comparison.verdict import noun
 from legoworld.comparison.verification import _agrees, verify_comparison
 from legoworld.errors import LegoWorldError
@@ -50,7 +50,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     compared(scene_and_baseline(folder / "c", "coco"), folder / "coco", draws=5, seed=3)
     compared(depth_scene_and_baseline(folder / "e"), folder / "eth3d", draws=5, seed=3)
-    make_joined([folder / "eth3d", folder / "coco"], folder / "joined")
+    join_folders([folder / "eth3d", folder / "coco"], folder / "joined")
     return folder
 
 
@@ -358,7 +358,7 @@ def test_the_matches_of_some_images_are_those_rows_of_every_column(made):
     side = read_evaluation(made / "c" / "baseline" / "eval")
     table = matches_file.table_from(side.matches, matches_file.OWN)
     kept = np.arange(len(table.image_ids)) % 3 != 1
-    some = table_of_images(table, kept)
+    some = restrict_table(table, kept)
     rows, cells = kept[table.image], kept[table.truth_image]
     assert 0 < rows.sum() < len(rows)
     number = np.cumsum(kept) - 1

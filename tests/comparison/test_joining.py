@@ -18,7 +18,7 @@ from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld import cli
 from legoworld.comparison.joined_comparison import _common_images
-from legoworld.comparison.make_comparison import make_joined
+from legoworld.comparison.make_comparison import join_folders
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import LegoWorldError, UsageError
 
@@ -55,8 +55,8 @@ def test_one_table_of_three_tasks(three, tmp_path, capsys):
 
 
 def test_the_order_of_the_arguments_does_not_matter(three, tmp_path):
-    make_joined(three, tmp_path / "out")
-    make_joined(three[::-1], tmp_path / "back")
+    join_folders(three, tmp_path / "out")
+    join_folders(three[::-1], tmp_path / "back")
     for name in ("comparison.json", "table.md", "table.csv", "evidence.json"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "back" / name).read_bytes()
 
@@ -67,14 +67,14 @@ def test_tracks_of_the_same_photos_are_not_called_different(tmp_path):
     for task in ("coco", "lvis"):
         compared(scene_and_baseline(tmp_path / task[0], task), tmp_path / task, draws=5)
         folders.append(tmp_path / task)
-    document = make_joined(folders, tmp_path / "out")
+    document = join_folders(folders, tmp_path / "out")
     assert document.common_images == 12
     assert document.notes[0] == "The 2 tracks hold the same 12 images."
 
 
 def test_a_joined_comparison_is_verified(three, tmp_path):
     out = tmp_path / "out"
-    make_joined(three, out)
+    join_folders(three, out)
     assert not bad(verify_comparison(out, None))
     assert cli.run(["evidence", "verify", str(out)]) == 0
     text = (out / "comparison.json").read_text()
@@ -87,25 +87,25 @@ def test_a_joined_comparison_is_verified(three, tmp_path):
 
 
 def test_another_joined_comparison_is_replaced_only_when_asked(three, tmp_path):
-    make_joined(three[:2], tmp_path / "out")
-    make_joined(three[:2], tmp_path / "out")
+    join_folders(three[:2], tmp_path / "out")
+    join_folders(three[:2], tmp_path / "out")
     with pytest.raises(LegoWorldError, match="contains a different comparison"):
-        make_joined(three[1:], tmp_path / "out")
-    make_joined(three[1:], tmp_path / "out", overwrite=True)
+        join_folders(three[1:], tmp_path / "out")
+    join_folders(three[1:], tmp_path / "out", overwrite=True)
     document = json.loads((tmp_path / "out" / "comparison.json").read_text())
     assert [one["task"] for one in document["comparisons"]] == ["coco", "lvis"]
 
 
 def test_what_cannot_be_joined(three, tmp_path):
     with pytest.raises(UsageError, match="different tasks"):
-        make_joined([three[0], three[0]], tmp_path / "out")
+        join_folders([three[0], three[0]], tmp_path / "out")
     with pytest.raises(UsageError, match="different tasks"):
-        make_joined(three[:1], tmp_path / "out")
-    make_joined(three[:2], tmp_path / "two")
+        join_folders(three[:1], tmp_path / "out")
+    join_folders(three[:2], tmp_path / "two")
     with pytest.raises(LegoWorldError, match="cannot be joined again"):
-        make_joined([tmp_path / "two", three[2]], tmp_path / "out")
+        join_folders([tmp_path / "two", three[2]], tmp_path / "out")
     with pytest.raises(LegoWorldError, match="not a finished comparison"):
-        make_joined([three[0], tmp_path], tmp_path / "out")
+        join_folders([three[0], tmp_path], tmp_path / "out")
     arguments = ["compare", "--join", str(three[0]), str(three[1]), "-o", str(tmp_path / "out")]
     assert cli.run([*arguments, "--seed", "1"]) == 2
     assert not (tmp_path / "out").exists()
@@ -158,7 +158,7 @@ def test_no_provenance_is_said_to_be_none(tmp_path):
 
 def test_differences_between_tracks_are_listed_when_they_are_joined(three, tmp_path):
     comparison_of(tmp_path, [PROVENANCE] * 12)
-    document = make_joined([tmp_path / "out", three[0]], tmp_path / "joined")
+    document = join_folders([tmp_path / "out", three[0]], tmp_path / "joined")
     assert document.provenance["agent"] == {
         "coco scene": {"a": 12},
         "eth3d scene": {"not recorded": 5},

@@ -17,9 +17,8 @@ from comparison.evaluations import (
 from evaluation.detection_runs import checked, random_truth, read_rows
 from evaluation.official import official_with_ids
 
-from legoworld.comparison.detections import detection_metrics
+from legoworld.comparison.detections import detection_metrics, restrict_counts, restrict_table
 from legoworld.comparison.sides import read_sides
-from legoworld.comparison.subsets import counts_of_images, table_of_images
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts, resampled_means
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.predictions import with_equal_confidence
@@ -107,12 +106,12 @@ def test_a_selection_of_images_is_weights_of_zero_and_one(task, tmp_path):
     for policy in (OWN, EQUAL):
         table = table_from(arrays, policy)
         whole = resampled_metrics(table, protocol, all_images, frequencies)
-        part = resampled_metrics(table_of_images(table, kept), protocol, few, frequencies)
+        part = resampled_metrics(restrict_table(table, kept), protocol, few, frequencies)
         for name in whole:
             np.testing.assert_allclose(part[name], whole[name], rtol=0, atol=1e-15)
     counts = counts_from(arrays, class_aware=True)
     whole = matched_metrics(counts, all_images)
-    part = matched_metrics(counts_of_images(counts, kept), few)
+    part = matched_metrics(restrict_counts(counts, kept), few)
     for name in whole:
         np.testing.assert_allclose(part[name], whole[name], rtol=1e-14)
 

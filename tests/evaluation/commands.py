@@ -43,7 +43,7 @@ def small_pieces(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
     """Work for many, where there is little."""
     monkeypatch.setattr(CHUNK, size)
     monkeypatch.setattr(FEW, 1)
-    monkeypatch.setattr("legoworld.evaluation.pixels.image_tasks._FEW_BYTES", 0)
+    monkeypatch.setattr("legoworld.evaluation.pixels.evaluate._FEW_BYTES", 0)
 
 
 def slow_chunk(_chunk: object) -> None:

@@ -10,17 +10,28 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
+from legoworld.evaluation.detection import evaluate as detection_evaluate
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.prediction_order import canonical_key
 from legoworld.evaluation.detection.inputs.predictions import check_predictions, prediction_type
 from legoworld.evaluation.detection.inputs.truth import read_truth
 from legoworld.evaluation.detection.protocols import detection_protocol
+from legoworld.evaluation.family import EvaluationRequest
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import to_record
 from legoworld.records.predictions import Prediction
 from legoworld.tracks.vocabulary import from_json
 
 Document = dict[str, Any]
+
+
+def evaluate_detections(run: Path, truth: Path, output: Path, **request: Any) -> Any:
+    """`evaluate` of a run of boxes or masks into a folder. request: of `EvaluationRequest`."""
+    options = {"evaluator": request.pop("evaluator", None)}
+    given = {"draws": 2000, **request}
+    return detection_evaluate.evaluate_detections(
+        EvaluationRequest(run=run, truth=truth, output=output, options=options, **given)
+    )
 
 
 def random_truth(

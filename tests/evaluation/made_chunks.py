@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from legoworld.evaluation.detection.matching.chunks import Chunk
-from legoworld.evaluation.detection.matching.compiled_matching import pairs_of_chunk
+from legoworld.evaluation.detection.matching.compiled_matching import pair_chunk
 from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.problem import Detections, TrueInstances
@@ -72,5 +72,5 @@ def best_pairs(iou, same_label):
     else:
         chunk.truths.category[:] = 1
     overlaps = Overlaps(iou=iou.ravel(), area=np.zeros(len(iou)))
-    pairs = pairs_of_chunk(chunk, overlaps, class_aware=False)
+    pairs = pair_chunk(chunk, overlaps, class_aware=False)
     return pairs.detection, pairs.truth

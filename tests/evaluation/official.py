@@ -7,12 +7,11 @@ import io
 import json
 
 import numpy as np
-from evaluation.detection_runs import write_run, write_truth
+from evaluation.detection_runs import evaluate_detections, write_run, write_truth
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from legoworld.evaluation.detection import lvis_package
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 
 
 def direct_coco(truth_path, results, iou_type="bbox"):

@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.detection.matching.score_free_pairs import HIT
+from legoworld.evaluation.detection.matching.matched_metrics import HIT
 
 PREFER_HIT, PREFER_LABEL = 1e-9, 1e-11
 THRESHOLDS = np.minimum(PICTURE.iou, 1 - 1e-10)
@@ -63,7 +63,7 @@ def mask(counts, size_hw):
 
 
 def states(chunk, iou, area):
-    """(A, T, D), as compiled_matching.states_of_chunk."""
+    """(A, T, D), as compiled_matching.match_chunk_states."""
     detections, truths = chunk.detections, chunk.truths
     state = np.full((len(LOW), len(THRESHOLDS), len(detections.image)), FALSE_POSITIVE, np.uint8)
     for mine, true, found in images(chunk, iou):
@@ -110,7 +110,7 @@ def greedy(iou, ignored, crowd):
 
 
 def pairs(chunk, overlap, *, class_aware):
-    """([(detection, truth, iou)], counted), as of compiled_matching.pairs_of_chunk."""
+    """([(detection, truth, iou)], counted), as of compiled_matching.pair_chunk."""
     detections, truths = chunk.detections, chunk.truths
     forgiven = ~detections.exhaustive | ~detections.verified
     found = []

@@ -14,8 +14,8 @@ from legoworld.evaluation.detection.matching.greedy import IGNORED, TRUE_POSITIV
 from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
 from legoworld.evaluation.detection.matching.matches import match_and_pair
 from legoworld.evaluation.detection.ranking.accumulation import (
-    first_reached,
     mean_precision,
+    recall_steps,
 )
 
 
@@ -34,7 +34,7 @@ def curve_precision(states, n_truths):
     true = states[states != IGNORED] == TRUE_POSITIVE
     at = np.flatnonzero(true)
     n_true = np.arange(1, len(at) + 1)
-    return mean_precision(n_true[None], (at + 1)[None], first_reached(n_truths)[: len(at)][None])[0]
+    return mean_precision(n_true[None], (at + 1)[None], recall_steps(n_truths)[: len(at)][None])[0]
 
 
 def mean_in_order(values):
@@ -74,7 +74,7 @@ def resampled_metrics(table, protocol, counts, frequencies=None):
 
 def average_precision_in_orders(ranking, order, plain, n_truths):
     """As compiled_accumulation.ordered_precision, of ties' own ranking."""
-    steps = first_reached(n_truths)
+    steps = recall_steps(n_truths)
     values = []
     for t, flags in enumerate(ranking.true):
         ignored = ~(flags | ranking.false[t])

@@ -7,6 +7,7 @@ import random
 
 import pytest
 from evaluation.detection_runs import (
+    evaluate_detections,
     random_predictions,
     random_truth,
     read_rows,
@@ -15,10 +16,9 @@ from evaluation.detection_runs import (
 from evaluation.official import evaluate
 
 from legoworld import cli
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.records.base import as_json
 from legoworld.shipped.catalog import folder
-from legoworld.tracks.dataset_versions import find_dataset
+from legoworld.tracks.vocabulary import find_dataset
 
 TASKS = pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 

@@ -12,10 +12,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-from evaluation.detection_runs import random_predictions, random_truth, write_run, write_truth
+from evaluation.detection_runs import (
+    evaluate_detections,
+    random_predictions,
+    random_truth,
+    write_run,
+    write_truth,
+)
 
 from legoworld import cli
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.report.document import page_document
 from legoworld.report.page_content import PageDocument
 from legoworld.report.page_file import write_page

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from evaluation.amodal_runs import decoded, random_stacks
-from evaluation.detection_runs import write_run, write_truth
+from evaluation.detection_runs import evaluate_detections, write_run, write_truth
 
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import UNSET
 from legoworld.report.detection_images import detection_images

@@ -11,7 +11,7 @@ import pytest
 from evaluation.depth.folders import evaluate_depth, plane, write_arrays, write_run
 from report.pages import Tables, document_of, page_of
 
-from legoworld.evaluation.pixels.view import decoded
+from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records import base as record
 from legoworld.records.evaluation_view import DepthView
 from legoworld.report.depth_images import NO_DEPTH, depth_view, encode_depth
@@ -46,7 +46,7 @@ def test_codes_are_within_half_a_step(evaluation: Path) -> None:
         (stored.truth_z_m, view.truth),
         (stored.aligned_z_m, view.aligned[0]),
     ):
-        exact = decoded(text, stored.size_wh)
+        exact = decode_array(text, stored.size_wh)
         shown = decode(codes, view)
         known = np.isfinite(exact)
         assert np.array_equal(known, np.isfinite(shown))
@@ -61,7 +61,7 @@ def test_one_scale_holds_truth_and_prediction(evaluation: Path) -> None:
     view = depth_view([stored])
     assert view is not None
     texts = (stored.truth_z_m, stored.aligned_z_m)
-    both = np.concatenate([decoded(text, stored.size_wh).ravel() for text in texts])
+    both = np.concatenate([decode_array(text, stored.size_wh).ravel() for text in texts])
     low, high = np.percentile(1 / both[np.isfinite(both)].astype(np.float64), (2, 98))
     assert view.near_far_z_m == pytest.approx([1 / high, 1 / low])
     assert depth_view([None]) is None

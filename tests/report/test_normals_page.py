@@ -11,7 +11,7 @@ from evaluation.normals.folders import evaluate, wall, write_run, write_truth
 from report.chromium import browser
 from report.pages import Tables, document_of, page_of
 
-from legoworld.evaluation.pixels.view import decoded
+from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records import base as record
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.report.normals_images import NO_ERROR, normals_drawing
@@ -38,7 +38,7 @@ def test_codes_are_the_vectors_and_their_angles(evaluation):
     assert (drawn.size_wh, drawn.image_wh) == (SIZE, SIZE)
     assert drawn.predicted[0] is drawn.errors[0] is None
     codes = np.frombuffer(base64.b64decode(drawn.predicted[1]), np.int8).reshape(30, 40, 3)
-    exact = decoded(view.predicted, view.size_wh, 3)
+    exact = decode_array(view.predicted, view.size_wh, 3)
     assert not codes[:10].any()
     assert np.abs(codes[10:] / 127 - exact[10:]).max() <= 0.5 / 127 + 1e-6
     errors = np.frombuffer(base64.b64decode(drawn.errors[1]), "<u2").reshape(30, 40)

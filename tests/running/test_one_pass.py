@@ -17,8 +17,8 @@ from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, UsageError, WorkerCrashedError
 from legoworld.readouts.protocol import protocol
 from legoworld.running import scene_pass, scene_views, shared_scene
-from legoworld.running.disk import OutputFullError
 from legoworld.running.image_record import ImageOptions
+from legoworld.running.scene_pass import OutputFullError
 from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.shipped import catalog
@@ -290,14 +290,12 @@ def test_another_configuration_of_one_run_is_refused_before_anything_is_read(
 
 
 def test_files_of_all_runs_must_fit(tmp_path, monkeypatch):
-    from legoworld.running import disk
-
     usage = shutil.disk_usage(tmp_path)._replace(free=1000)
-    monkeypatch.setattr(disk.shutil, "disk_usage", lambda _folder: usage)
+    monkeypatch.setattr(scene_pass.shutil, "disk_usage", lambda _folder: usage)
     said: list[str] = []
-    disk.check_disk(tmp_path, [400], said.append, what="depth", next_step="", beside=600)
+    scene_pass.check_disk(tmp_path, [400], said.append, what="depth", next_step="", beside=600)
     with pytest.raises(OutputFullError, match="0 MB free"):
-        disk.check_disk(tmp_path, [400], said.append, what="depth", next_step="", beside=601)
+        scene_pass.check_disk(tmp_path, [400], said.append, what="depth", next_step="", beside=601)
     assert len(said) == 2
 
 

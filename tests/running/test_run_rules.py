@@ -28,8 +28,8 @@ from legoworld.records.folders.run_folder import (
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import Configuration, ImageRecord, Shard, WholeRun
 from legoworld.records.run_rows import RunRow
-from legoworld.running import disk
-from legoworld.running.disk import OutputFullError, check_disk
+from legoworld.running import scene_pass
+from legoworld.running.scene_pass import OutputFullError, check_disk
 
 FIXED = ("--source", "glb", "--no-cache", "--workers", 1)
 
@@ -239,7 +239,7 @@ def test_a_run_without_its_scenes_is_read_again(scenes, done, capsys):
 @pytest.mark.parametrize(("free", "fits"), [(12_000_000, True), (1_000, False)])
 def test_depth_that_will_not_fit_is_said_before_the_first_file(free, fits, tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(disk.shutil, "disk_usage", lambda _folder: usage(0, 0, free))
+    monkeypatch.setattr(scene_pass.shutil, "disk_usage", lambda _folder: usage(0, 0, free))
     said: list[str] = []
     sizes = [DEPTH_FILE.most_bytes(wh) for wh in ((1000, 500), (1000, 250))]  # 3 MB of float32
 
@@ -258,7 +258,7 @@ def test_depth_that_will_not_fit_is_said_before_the_first_file(free, fits, tmp_p
 def test_depth_that_just_fits_is_written(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
     needed = DEPTH_FILE.most_bytes((100, 50))
-    monkeypatch.setattr(disk.shutil, "disk_usage", lambda _folder: usage(0, 0, needed))
+    monkeypatch.setattr(scene_pass.shutil, "disk_usage", lambda _folder: usage(0, 0, needed))
     check_disk(tmp_path, [needed], lambda _text: None, what="depth", next_step="")
     with pytest.raises(OutputFullError):
         check_disk(tmp_path, [needed, 1], lambda _text: None, what="depth", next_step="")

@@ -12,7 +12,7 @@ import numpy as np
 from legoworld.errors import WorkerCrashedError, WorkerTimeoutError
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.gltf.snapshot import snapshot_of_glb
+from legoworld.scene.gltf.snapshot import read_glb_snapshot
 from legoworld.scene.snapshot import Snapshot, save
 
 FACTS: dict[str, Any] = {
@@ -23,7 +23,7 @@ FACTS: dict[str, Any] = {
 
 def of_glb(blend: Path) -> Snapshot:
     """As a .blend would be read: what a .glb does not say is no warning."""
-    snapshot = snapshot_of_glb(parse_glb(blend.read_bytes()), blend.parent)
+    snapshot = read_glb_snapshot(parse_glb(blend.read_bytes()), blend.parent)
     return replace(snapshot, warnings=())
 
 

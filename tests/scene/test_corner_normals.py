@@ -11,7 +11,7 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import checked_artefacts
 from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.gltf.snapshot import snapshot_of_glb
+from legoworld.scene.gltf.snapshot import read_glb_snapshot
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 from legoworld.scene.read_scene import read_scene
 
@@ -129,7 +129,7 @@ def test_a_glb_has_the_normals_that_blender_exported(read):
 
 
 def glb_normals(document):
-    return snapshot_of_glb(parse_glb(document.glb()), None, corner_normals=True).corner_normal
+    return read_glb_snapshot(parse_glb(document.glb()), None, corner_normals=True).corner_normal
 
 
 def test_primitives_without_normals_are_flat_and_targets_move_them():

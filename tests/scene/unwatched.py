@@ -15,12 +15,12 @@ from pathlib import Path
 
 from legoworld.errors import LegoWorldError
 from legoworld.scene.blender import viewport
-from legoworld.scene.blender.extract import snapshot_of_blend
+from legoworld.scene.blender.extract import read_blend_snapshot
 
 
 def read(path: str) -> str:
     try:
-        return snapshot_of_blend(Path(path)).content_sha256()
+        return read_blend_snapshot(Path(path)).content_sha256()
     except LegoWorldError as error:
         return str(error)
 

@@ -49,9 +49,9 @@ def at(name: str) -> str:
 def test_tasks_that_ship_come_first_and_others_by_name(installed):
     installed(("zebra", at("OWN")), ("own", at("OWN")), ("coco", at("NUMBER")))
     assert registry.task_names() == (*SHIPPED, "own", "zebra")
-    assert registry.task_named("own") == OWN
+    assert registry.require_task("own") == OWN
     assert registry.find_family("own") is OWN.family
-    assert registry.task_named("coco") == next(task for task in TASKS if task.name == "coco")
+    assert registry.require_task("coco") == next(task for task in TASKS if task.name == "coco")
 
 
 def test_what_cannot_be_loaded_is_left_out_of_lists(installed):
@@ -103,7 +103,7 @@ def test_no_task_of_that_name(installed):
     installed(("own", at("OWN")))
     assert registry.find_task("owm") is None
     with pytest.raises(UsageError, match="unknown task 'owm'") as refused:
-        registry.task_named("owm")
+        registry.require_task("owm")
     assert refused.value.expected == " or ".join((*SHIPPED, "own"))
     assert "own" in refused.value.next_step
 

@@ -6,10 +6,9 @@ import pytest
 
 from legoworld.errors import CatalogError
 from legoworld.shipped.catalog import folder
-from legoworld.tracks.dataset_versions import dataset_version, find_dataset
 from legoworld.tracks.scene_names import Stranger, lower_top, strangers
-from legoworld.tracks.track import folders_without_scene, serves, track_of_folder
-from legoworld.tracks.vocabulary import Vocabulary, load
+from legoworld.tracks.track import folders_without_scene, make_folder_track, serves
+from legoworld.tracks.vocabulary import Vocabulary, dataset_version, find_dataset, load
 
 
 def put(top, *names):
@@ -21,7 +20,7 @@ def put(top, *names):
 def test_every_folder_with_a_scene_is_an_image_in_sorted_order(tmp_path):
     put(tmp_path, "b/scene.blend", "a/deep/scene.glb", "c/notes.txt", ".hidden/scene.blend")
     (tmp_path / "b" / "again").symlink_to(tmp_path, target_is_directory=True)
-    track = track_of_folder(tmp_path)
+    track = make_folder_track(tmp_path)
     assert [(i.id, i.file_name, i.scene) for i in track.images] == [
         (1, "a/deep", "a/deep"), (2, "b", "b")
     ]  # fmt: skip
@@ -30,14 +29,14 @@ def test_every_folder_with_a_scene_is_an_image_in_sorted_order(tmp_path):
 
 def test_one_scene_folder_is_a_track_of_its_name(tmp_path):
     put(tmp_path, "kitchen/scene.blend")
-    (image,) = track_of_folder(tmp_path / "kitchen").images
+    (image,) = make_folder_track(tmp_path / "kitchen").images
     assert (image.file_name, image.scene, image.size_wh) == ("kitchen", ".", None)
 
 
 def test_a_folder_without_scenes_is_refused_by_its_name(tmp_path):
     put(tmp_path, "photos/a.jpg")
     with pytest.raises(CatalogError) as caught:
-        track_of_folder(tmp_path / "photos")
+        make_folder_track(tmp_path / "photos")
     assert caught.value.found == f"no scene.blend or scene.glb below {tmp_path / 'photos'}"
 
 
@@ -102,7 +101,7 @@ def test_versions_of_datasets():
 
 def test_a_track_serves_the_tasks_of_its_dataset(tmp_path):
     put(tmp_path, "a/scene.blend")
-    track = track_of_folder(tmp_path)
+    track = make_folder_track(tmp_path)
     assert serves(track, "lvis")
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from visibility.kernel_hits import Hits
 
 from legoworld.visibility.kernel import HOLDOUT, Cutouts, Surfaces
 from legoworld.visibility.projection import Projection
-from legoworld.visibility.triangles import Hits
 
 Real = np.longdouble
 Rays = tuple[NDArray[np.longdouble], NDArray[np.longdouble]]

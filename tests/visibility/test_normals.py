@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from visibility import oracle
+from visibility.kernel_hits import triangles
 from visibility.kernel_scenes import (
     HOLDOUT,
     ball_pit,
@@ -19,7 +20,6 @@ from visibility.kernel_scenes import (
 from legoworld.errors import ShapeError
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
 from legoworld.visibility.normals import render_normals
-from legoworld.visibility.triangles import triangles
 
 SIZE = (120, 90)
 CAMERA = pixel_camera(SIZE)

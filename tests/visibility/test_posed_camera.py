@@ -10,7 +10,7 @@ import pytest
 from scene.by_hand import CAMERA, RENDER
 
 from legoworld.visibility.camera import projection
-from legoworld.visibility.posed_camera import Camera, camera_of_scene
+from legoworld.visibility.posed_camera import Camera, place_scene_camera
 
 POSE = ((0.0, -1.0, 0.0, 2.0), (1.0, 0.0, 0.0, -3.0), (0.0, 0.0, 1.0, 4.0))
 SCENE = SimpleNamespace(camera=CAMERA)
@@ -32,7 +32,7 @@ def test_blender_s_terms_are_the_same_projection(orthographic, size_wh, clip):
     )  # fmt: skip
     for lens in (found, given):
         assert (lens.fx, lens.fy, lens.cx, lens.cy) == pytest.approx((410, 410, 300, 270))
-    back = camera_of_scene(placed, RENDER, size_wh)
+    back = place_scene_camera(placed, RENDER, size_wh)
     assert pytest.approx(camera.K) == back.K
     assert (back.world_from_cam, back.orthographic) == (POSE, orthographic)
     assert back.clip == (found.z_near, found.z_far)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from visibility import oracle
+from visibility.kernel_hits import triangles
 from visibility.kernel_scenes import ball_pit, jumble, mesh, pixel_camera, pixel_rectangle, place
 
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, render
-from legoworld.visibility.triangles import triangles
 
 SIZE = (120, 90)
 CAMERA = pixel_camera(SIZE)

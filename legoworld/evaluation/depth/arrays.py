@@ -1,4 +1,4 @@
-"""Depth arrays with their declared quantity, and their disparity at single pixels."""
+"""Depth arrays with their declared quantity, their disparity at single pixels, and their errors."""
 
 from __future__ import annotations
 
@@ -9,8 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
+from legoworld.errors import LegoWorldError
+from legoworld.evaluation.pixels.errors import pixel_errors
 from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored
 from legoworld.files import Json
+
+DepthTruthError, DepthPredictionError, DepthMissingError, DepthUnseenError = ERRORS = pixel_errors(
+    "depth", __name__
+)
+
+
+class CameraModelError(LegoWorldError):
+    """A camera model is unknown, or has no ray for a pixel."""
+
+    code = "camera_model"
+
 
 Space = Literal["depth", "disparity", "ray_distance"]
 SPACES: Final[tuple[Space, ...]] = get_args(Space)

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from legoworld.evaluation.depth.arrays import SPACES, Intrinsics
-from legoworld.evaluation.depth.errors import DepthTruthError
-from legoworld.evaluation.pixels.declaration import is_text, read_declared
+from legoworld.evaluation.depth.arrays import SPACES, DepthTruthError, Intrinsics
+from legoworld.evaluation.pixels.labelled import is_text, read_declared
 from legoworld.files import Json
 
 DECLARATION: Final = "depth.toml"

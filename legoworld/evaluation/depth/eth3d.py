@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.arrays import DepthTruthError
 from legoworld.files import names_a_file
 from legoworld.records.base import decode
 from legoworld.records.track import ListedImage

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final, cast
 
+from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.arrays import DepthArray, checked_array
+from legoworld.evaluation.depth.arrays import ERRORS, DepthArray, DepthTruthError, checked_array
 from legoworld.evaluation.depth.declaration import DECLARATION
-from legoworld.evaluation.depth.errors import ERRORS, DepthTruthError
-from legoworld.evaluation.depth.eth3d import parse_scene_name
+from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.labelled import read_prediction
 from legoworld.evaluation.depth.protocol import (
     CAMERA_MODELS,
@@ -23,35 +23,72 @@ from legoworld.evaluation.depth.protocol import (
 )
 from legoworld.evaluation.depth.rows import measure_depth
 from legoworld.evaluation.depth.scoring import valid_truth
-from legoworld.evaluation.depth.summary import depth_coverage, own_fields
 from legoworld.evaluation.depth.text import depth_metrics, depth_notes, short_depth
-from legoworld.evaluation.depth.truth import DepthTruthFile, find_truth, load_truth, truth_of
+from legoworld.evaluation.depth.truth import DepthTruthFile, find_truth, load_truth, make_truth
 from legoworld.evaluation.family import EvaluationFamily
 from legoworld.evaluation.pixels.evaluate import evaluate_pixels
-from legoworld.evaluation.pixels.family import Options, PixelFamily, PixelRecords
+from legoworld.evaluation.pixels.family import (
+    Options,
+    PixelFamily,
+    PixelProtocol,
+    PixelRecords,
+    Settings,
+)
 from legoworld.evaluation.pixels.live import live_pixels
 from legoworld.evaluation.pixels.predictions import PixelRun
-from legoworld.evaluation.pixels.protocol import PixelProtocol
+from legoworld.evaluation.pixels.summary import mean, means
 from legoworld.evaluation.pixels.verification import verify_pixels
 from legoworld.readouts.depth import DEPTH_FILE
+from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.depth import (
     AllAttempted,
     DepthChoices,
     DepthConfiguration,
+    DepthCoverage,
     DepthEvidence,
     DepthRow,
     DepthSummary,
+    PartOfEth3d,
+    ScoredDepthRow,
 )
+from legoworld.records.evaluation_summary import Coverage
 from legoworld.tasks.shipped import DEPTH
+
+
+def own_fields(
+    _rows: Sequence[DepthRow], scored: Sequence[ScoredDepthRow], _settings: Settings
+) -> Mapping[str, Any]:
+    """The fields of a summary that only depth has."""
+    return {
+        "constant": means([row.constant for row in scored], METRICS),
+        "mean_outside_view_share": mean([row.outside_view_share for row in scored]),
+        "mean_clamped_share": mean([row.clamped_share for row in scored]),
+        "worse_than_constant": sum(bool(row.worse_than_constant) for row in scored),
+    }
+
+
+def depth_coverage(rows: Sequence[DepthRow], coverage: Coverage) -> DepthCoverage:
+    """With how many images of ETH3D there are."""
+    return DepthCoverage(**asdict(coverage), eth3d=_eth3d_share(rows))
+
+
+def _eth3d_share(rows: Sequence[DepthRow]) -> PartOfEth3d | UnsetType:
+    """The share of ETH3D's training set; UNSET if an image is from another dataset."""
+    names = {row.file_name for row in rows}
+    whole = {image.file_name for image in training_images()}
+    if not names or not names <= whole:
+        return UNSET
+    scenes, of = ({parse_scene_name(name) for name in some} for some in (names, whole))
+    return PartOfEth3d(
+        images=len(names), of_images=len(whole), scenes=len(scenes), of_scenes=len(of)
+    )
 
 
 def _check(run: PixelRun, files: Sequence[DepthTruthFile], options: Options) -> None:
     camera_model = options["camera_model"]
     if camera_model not in CAMERA_MODELS:
         raise UsageError(
-            "unknown camera model",
-            found=repr(camera_model),
-            expected=" or ".join(CAMERA_MODELS),
+            "unknown camera model", found=repr(camera_model), expected=" or ".join(CAMERA_MODELS)
         )
     if camera_model == CAMERA_MODELS[0]:
         return
@@ -75,7 +112,7 @@ def _array(z_m: NDArray[Any]) -> DepthArray:
     return checked_array(z_m, space="depth", unit="m", intrinsics_px=None, source="the array")
 
 
-def _given(protocol: PixelProtocol) -> float:
+def _missing_abs_rel(protocol: PixelProtocol) -> float:
     return cast("DepthProtocol", protocol).failed_image_abs_rel
 
 
@@ -91,13 +128,13 @@ PIXELS: Final = PixelFamily(
     errors=ERRORS,
     metrics=METRICS,
     primary=PRIMARY_POLICY,
-    missing=_given,
+    missing=_missing_abs_rel,
     declaration=DECLARATION,
     protocol=depth_protocol,
     valid=valid_truth,
     find_truth=find_truth,
     load_truth=load_truth,
-    truth_of=truth_of,
+    make_truth=make_truth,
     read=read_prediction,
     array=_array,
     measure=measure_depth,

@@ -12,19 +12,15 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck, picture_shape
-from legoworld.depth_files.read_depth import (
-    npz_contents,
-    read_npz_array,
-    read_picture,
-)
+from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
 from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics, checked_array
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.integer_units import metres
 from legoworld.evaluation.pixels.family import Stored
 from legoworld.evaluation.pixels.labelled import (
-    agreed,
     check_version,
     fits_into_memory,
+    merge_declarations,
     picture_name,
     text_label,
 )
@@ -80,11 +76,11 @@ def _read_npz(
     name = picture_name(path, contents, candidates, "depth", DECLARATION)
     own = contents.labels
     check_version(own, path, DEPTH_FILE.version)
-    space = agreed("space", text_label(own, "space", path), declared.space, path)
-    unit = agreed("unit", text_label(own, "unit", path), declared.unit, path)
+    space = merge_declarations("space", text_label(own, "space", path), declared.space, path)
+    unit = merge_declarations("unit", text_label(own, "unit", path), declared.unit, path)
     if name == DEPTH_FILE.array:
-        agreed("space", space or None, "depth" if space else None, path)
-        unit = agreed("unit", unit, "m", path)
+        merge_declarations("space", space or None, "depth" if space else None, path)
+        unit = merge_declarations("unit", unit, "m", path)
     intrinsics = _intrinsics(own, path) or declared.intrinsics_px
     values = read_npz_array(path, name, check_size)
     labels = _Labels(space=space, unit=unit, intrinsics_px=intrinsics)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from legoworld.cards import Card
-from legoworld.evaluation.pixels.family import PixelMetric
-from legoworld.evaluation.pixels.protocol import PixelProtocol, pixel_protocol
+from legoworld.evaluation.pixels.family import PixelMetric, PixelProtocol, pixel_protocol
 
 HOLE_POLICIES: Final = ("error_1", "exclude", "far")
 PRIMARY_POLICY: Final = HOLE_POLICIES[0]

@@ -1,26 +1,67 @@
-"""The numbers of one image of depth, and its view."""
+"""The numbers of one image of depth, and its view; the cameras of ETH3D's photos."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Final
+from typing import Final, cast
 
+import numpy as np
 from msgspec.structs import asdict, replace
 
 from legoworld.errors import ShapeError
 from legoworld.evaluation.depth.alignment import aligned_z
-from legoworld.evaluation.depth.cameras import pinhole_from_distorted
+from legoworld.evaluation.depth.arrays import CameraModelError
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol
 from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
-from legoworld.evaluation.pixels.family import ImageResult, Measuring, PixelTruth
+from legoworld.evaluation.pixels.family import F64, ImageResult, Measuring, PixelTruth
 from legoworld.evaluation.pixels.resampling import Sample, Warp, sampler
 from legoworld.evaluation.pixels.rows import too_few, with_holes
-from legoworld.evaluation.pixels.view import encoded, shown_pixels
+from legoworld.evaluation.pixels.view import encode_array, shown_pixels
+from legoworld.pluralize import plural
 from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.depth import DepthRow, ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView, Fit
 from legoworld.records.pixels import Metrics
 from legoworld.tracks.colmap import Camera
+from legoworld.visibility.lens import Coefficients, Lens, undistort
+
+#: Number of parameters by model, in the order of cameras.txt.
+#: PINHOLE: fx fy cx cy; THIN_PRISM_FISHEYE: fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1.
+PARAMETERS: Final = {"PINHOLE": 4, "THIN_PRISM_FISHEYE": 12}
+
+
+def pinhole_from_distorted(camera: Camera, distorted_xy_px: F64) -> F64:
+    """Map distorted pixels to those of the pinhole camera with the same fx, fy, cx, cy.
+
+    distorted_xy_px and the result: (n, 2), x and y from the top left corner of the image.
+    CameraModelError if the model is unknown or a pixel has no ray in front of the camera.
+    """
+    if camera.model not in PARAMETERS or len(camera.params) != PARAMETERS[camera.model]:
+        raise CameraModelError(
+            "unknown camera model",
+            found=f"{camera.model} with {len(camera.params)} parameters",
+            expected=", ".join(f"{name} with {n}" for name, n in PARAMETERS.items()),
+            next_step="score with --camera-model none",
+        )
+    if camera.model == "PINHOLE":
+        return distorted_xy_px
+    fx, fy, cx, cy = camera.params[:4]
+    lens = Lens(coefficients=cast("Coefficients", camera.params[4:]), fisheye=True)
+    found = undistort(lens, (fx, fy), (cx, cy), distorted_xy_px)
+    for pixels, why in (
+        (found.folded, "the distortion folds over"),
+        (found.unsolved, "the distortion has no inverse that is found"),
+        (found.behind, "90 degrees or more off axis"),
+    ):
+        if pixels.any():
+            raise CameraModelError(
+                "the camera model has no ray for a pixel",
+                found=f"{why} ({plural(int(np.count_nonzero(pixels)), 'pixel', 'pixels')})",
+                expected="a distortion that is invertible over the whole image",
+                next_step="check the parameters in cameras.txt, or score with --camera-model none",
+            )
+    return found.xy_px
+
 
 #: Explanations of flagged fits. A disparity declared as depth can score well; only the sign tells.
 _FLAGS: Final = {
@@ -39,7 +80,9 @@ def measure_depth(image: Measuring) -> ImageResult:
     camera: Camera | None = None
     if image.options["camera_model"] == "dataset":
         camera = image.file.camera
-    sample = sampler(image.prediction, image.truth.size_wh, warp_of(camera, image.truth.size_wh))
+    sample = sampler(
+        image.prediction, image.truth.size_wh, camera_warp(camera, image.truth.size_wh)
+    )
     row = replace(
         image.row,
         space=image.prediction.space,
@@ -50,7 +93,7 @@ def measure_depth(image: Measuring) -> ImageResult:
     return _score_row(row, image.truth, sample, score, image.protocol)
 
 
-def warp_of(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
+def camera_warp(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
     """How positions in the photo of a distorted camera become those in its pinhole's view."""
     if camera is None:
         return None
@@ -62,11 +105,7 @@ def warp_of(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
 
 
 def _score_row(
-    row: DepthRow,
-    truth: PixelTruth,
-    sample: Sample,
-    score: ImageScore,
-    protocol: DepthProtocol,
+    row: DepthRow, truth: PixelTruth, sample: Sample, score: ImageScore, protocol: DepthProtocol
 ) -> ImageResult:
     counts = score.counts
     row = with_holes(row, counts.predicted)
@@ -101,8 +140,8 @@ def _view(truth: PixelTruth, sample: Sample, fit: Fit, deepest_z_m: float) -> De
     return DepthView(
         size_wh=shown.size_wh,
         image_wh=truth.size_wh,
-        truth_z_m=encoded(true_z_m, valid_truth(true_z_m), DEPTH_FILE.hole),
-        aligned_z_m=encoded(z_m, sampled.predicted, DEPTH_FILE.hole),
+        truth_z_m=encode_array(true_z_m, valid_truth(true_z_m), DEPTH_FILE.hole),
+        aligned_z_m=encode_array(z_m, sampled.predicted, DEPTH_FILE.hole),
         fit=fit,
     )
 

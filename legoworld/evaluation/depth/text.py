@@ -5,13 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from legoworld.evaluation.metrics import MetricPart, metric_parts, number
-from legoworld.evaluation.pixels.text import attempted_rows, few_not_scored, not_scored
-from legoworld.evaluation.short_text import (
-    bounds,
-    describe_evaluator,
-    fraction,
-    image_counts,
-)
+from legoworld.evaluation.pixels.text import attempted_rows, list_few_unscored, list_unscored
+from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
 from legoworld.pluralize import plural
 from legoworld.records.depth import DepthCoverage, DepthSummary
 
@@ -20,7 +15,7 @@ def short_depth(summary: DepthSummary) -> str:
     """AbsRel and delta1 under each hole policy with denominators, and the unscored images."""
     lines = [
         f"{describe_evaluator(summary)}, camera model {summary.protocol.camera_model}: "
-        f"{image_counts(summary.coverage)}{_of_eth3d(summary.coverage)}"
+        f"{image_counts(summary.coverage)}{_eth3d_note(summary.coverage)}"
     ]
     for metric in ("abs_rel", "delta1"):
         by_policy = summary.metrics.get(metric, {})
@@ -29,10 +24,10 @@ def short_depth(summary: DepthSummary) -> str:
             for policy, value in by_policy.items()
         )
         lines.append(f"{metric}: {', '.join(shown)}")
-    return "\n".join([*lines, *few_not_scored(summary)])
+    return "\n".join([*lines, *list_few_unscored(summary)])
 
 
-def _of_eth3d(coverage: DepthCoverage) -> str:
+def _eth3d_note(coverage: DepthCoverage) -> str:
     """How much of ETH3D was attempted, if the images are ETH3D's."""
     part = coverage.eth3d
     if not part:
@@ -82,6 +77,6 @@ def depth_notes(summary: DepthSummary) -> list[str]:
         f"{summary.resampled} resampled, {plural(summary.warnings, 'warning', 'warnings')}",
         "mean share of truth pixels: "
         + ", ".join(f"{name} {fraction(x)}" for name, x in shares.items()),
-        *not_scored(summary),
+        *list_unscored(summary),
     ]
     return lines + ["partial run: only some images of its track"] * summary.partial

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.read_depth import check_raw_float32, read_raw_float32
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.depth.arrays import DepthArray, ray_lengths
+from legoworld.evaluation.depth.arrays import DepthArray, DepthTruthError, ray_lengths
 from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
-from legoworld.evaluation.depth.errors import DepthTruthError
 from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
 from legoworld.evaluation.depth.integer_units import per_metre
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.pixels.family import PixelTruth
-from legoworld.evaluation.pixels.truth import array_of, truth_of_all
+from legoworld.evaluation.pixels.truth import find_all_truth, find_array
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.colmap import Calibration, Camera, read_calibration
 
@@ -50,7 +49,7 @@ def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[DepthTruthFile,
     """
     declared = read_declaration(truth)
     calibrations: dict[Path, Calibration] = {}
-    return truth_of_all(
+    return find_all_truth(
         truth,
         images,
         lambda image: _eth3d(truth, image, calibrations) or _array(truth, image, declared),
@@ -68,10 +67,10 @@ def load_truth(file: DepthTruthFile) -> PixelTruth:
     else:
         z_m = planar_metres(read_labelled(file.path, file.declared), file.declared, file.path.name)
     unsure = ("no cameras.txt: the truth's size is the track's, held to its bytes",)
-    return truth_of(z_m, unsure if file.size_from == "track" else ())
+    return make_truth(z_m, unsure if file.size_from == "track" else ())
 
 
-def truth_of(z_m: NDArray[Any], warnings: tuple[str, ...] = ()) -> PixelTruth:
+def make_truth(z_m: NDArray[Any], warnings: tuple[str, ...] = ()) -> PixelTruth:
     """Planar metres (H, W) as ground truth, with the counts of its invalid values."""
     counts = np.zeros(3, np.int64)
     for start in range(0, len(z_m), _BAND_ROWS):
@@ -175,7 +174,7 @@ def _eth3d(
 
 
 def _array(truth: Path, image: RunImage, declared: Declaration) -> DepthTruthFile | None:
-    path = array_of(truth, image, noun="depth", error=DepthTruthError)
+    path = find_array(truth, image, noun="depth", error=DepthTruthError)
     if path is None:
         return None
     return DepthTruthFile(

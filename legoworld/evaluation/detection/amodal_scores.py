@@ -21,9 +21,9 @@ from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
-    compress_array,
     compress_mask,
-    decompress_mask,
+    from_pixels,
+    to_pixels,
 )
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
@@ -50,7 +50,7 @@ def score_amodal(
     """
     true = true_masks(request.truth)
     masks = amodal_masks(true)
-    of_truth = list(map(level_of, masks.amodal_px.tolist(), masks.visible_px.tolist()))
+    of_truth = list(map(occlusion_level, masks.amodal_px.tolist(), masks.visible_px.tolist()))
     levels = {}
     for level in LEVELS:
         notice(f"truths of which others hide: {level}")
@@ -75,7 +75,7 @@ def score_amodal(
     return numbers, intervals, sums
 
 
-def level_of(amodal_px: float, visible_px: float) -> str:
+def occlusion_level(amodal_px: float, visible_px: float) -> str:
     """none, partial (0, 1/4] or heavy (1/4, 1] of it hidden."""
     hidden = amodal_px - visible_px
     return "none" if hidden <= 0 else "partial" if 4 * hidden <= amodal_px else "heavy"
@@ -89,25 +89,25 @@ def _score_level(
     annotations = tuple(a if yes else {**a, "area": _OUTSIDE} for a, yes in given)
     return OcclusionLevel(
         truth_instances=sum(yes and not a["iscrowd"] for a, yes in given),
-        metrics=_evaluated(request, replace(request.truth, annotations=annotations), predictions),
+        metrics=_run_evaluator(
+            request, replace(request.truth, annotations=annotations), predictions
+        ),
     )
 
 
-def _evaluated(request: ScoreRequest, truth: Truth, predictions: Predictions) -> Values:
+def _run_evaluator(request: ScoreRequest, truth: Truth, predictions: Predictions) -> Values:
     scores = run_evaluator(truth, predictions, request.protocol, request.kind)
     metrics = named_metrics(request.protocol, scores.official)
     return {name: metrics[name] for name in _SHOWN}
 
 
 def _score_control(
-    request: ScoreRequest,
-    predictions: Predictions,
-    true: Sequence[tuple[EncodedMask, EncodedMask]],
+    request: ScoreRequest, predictions: Predictions, true: Sequence[tuple[EncodedMask, EncodedMask]]
 ) -> Values:
     problem = build_problem(request.truth, predictions, request.protocol)
     pairs = match_and_pair(problem, request.truth, predictions, request.pool).aware
     sums = list(image_sums(problem, predictions, pairs, true))
-    return {**_evaluated(request, request.truth, predictions), **amodal_values(sums)}
+    return {**_run_evaluator(request, request.truth, predictions), **amodal_values(sums)}
 
 
 def _convex_hulls(predictions: Predictions) -> Texts:
@@ -117,12 +117,12 @@ def _convex_hulls(predictions: Predictions) -> Texts:
     hulls = TextBuilder()
     for entry in predictions.entries:
         assert entry.visible_mask
-        seen = decompress_mask(compress_mask(as_lists(entry.visible_mask), entry.visible_mask.size))
+        seen = to_pixels(compress_mask(as_lists(entry.visible_mask), entry.visible_mask.size))
         hull, columns = np.zeros_like(seen), np.flatnonzero(seen.any(axis=0))
         if len(columns):  # the ends of each column have the hull of all pixels
             ends = seen.argmax(axis=0), len(seen) - 1 - seen[::-1].argmax(axis=0)
             points = [np.stack([columns, end[columns]], axis=1) for end in ends]
             corners = cv2.convexHull(np.concatenate(points).astype(np.int32))
             cv2.fillConvexPoly(hull, corners, [1])
-        hulls.add([compress_array(hull)["counts"].decode("ascii")])
+        hulls.add([from_pixels(hull)["counts"].decode("ascii")])
     return hulls.texts()

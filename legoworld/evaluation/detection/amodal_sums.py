@@ -22,7 +22,7 @@ from legoworld.evaluation.detection.inputs.masks import (
 )
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
-from legoworld.evaluation.detection.matching.score_free_pairs import HIT, Pairs
+from legoworld.evaluation.detection.matching.matched_metrics import HIT, Pairs
 from legoworld.evaluation.detection.problem import Floats, Problem
 from legoworld.records.base import number
 from legoworld.records.evaluation_rows import AmodalSums
@@ -105,14 +105,14 @@ def image_sums(
         yield _sums(
             amodal_masks(true[a] for a in truths.annotation[own].tolist()),
             amodal_masks(
-                (_encoded(size, entries.shape[p]), _encoded(size, entries.visible[p]))
+                (_encode_mask(size, entries.shape[p]), _encode_mask(size, entries.visible[p]))
                 for p in places
             ),
             [place for place, t in enumerate(own) if t in found],
         )
 
 
-def _encoded(size_hw: tuple[int, int], counts: object) -> EncodedMask:
+def _encode_mask(size_hw: tuple[int, int], counts: object) -> EncodedMask:
     return {"size": size_hw, "counts": str(counts).encode("ascii")}
 
 

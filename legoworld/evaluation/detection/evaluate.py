@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from msgspec import structs
@@ -36,7 +35,8 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
+from legoworld.evaluation.family import EvaluationRequest
+from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
@@ -59,64 +59,49 @@ from legoworld.records.evaluation_summary import (
     SpaceErrors,
     TruthCounts,
 )
-from legoworld.records.folders.evaluation_folder import (
-    Evaluation,
-    installed_versions,
-    write_evaluation,
-)
-from legoworld.workers.tasks import IN_PROCESS, WorkerPool
+from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 
 
-def _unsaid(_text: str) -> None:
-    """Drop a notice."""
-
-
-def evaluate_detections(
-    run_folder: Path,
-    truth_path: Path,
-    output: Path,
-    *,
-    evaluator: EvaluatorKind | None = None,
-    draws: int = 2000,
-    seed: int = 0,
-    overwrite: bool = False,
-    notice: Notice = _unsaid,
-    warn: Notice = _unsaid,
-    pool: WorkerPool = IN_PROCESS,
-    origins: Origins = HERE,
-) -> Evaluation[DetectionSummary]:
+def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSummary]:
     """Score a coco or lvis run and write the evaluation folder.
 
-    evaluator: None for the official one where it is installed, else the fast one. notice is told
-    what is being done, warn what the reader of the numbers must know. pool: works on the images;
-    any gives the same bytes. Every LegoWorldError is raised before anything is written.
+    The option evaluator: None for the official one where it is installed, else the fast one. Any
+    pool gives the same bytes. Every LegoWorldError is raised before anything is written.
     """
-    run = read_run(run_folder)
+    run, notice, draws = read_run(request.run), request.notice, request.draws
     protocol = detection_protocol(run.task)
-    kind = evaluator or default_evaluator(protocol, warn)
-    truth = read_truth(truth_path, run, protocol)
+    kind = request.options.get("evaluator") or default_evaluator(protocol, request.warn)
+    truth = read_truth(request.truth, run, protocol)
     configuration = DetectionConfiguration(
-        task=run.task, evaluator=kind, draws=draws, seed=seed, card_sha256=protocol.card.sha256
+        task=run.task,
+        evaluator=kind,
+        draws=draws,
+        seed=request.seed,
+        card_sha256=protocol.card.sha256,
     )
-    files = [("truth", truth_path), *run_inputs(run)]
     inputs = prepared_inputs(
-        output, files, configuration, run=run.folder, origins=origins, overwrite=overwrite
+        request.output,
+        [("truth", request.truth), *run_inputs(run)],
+        configuration,
+        run=run.folder,
+        origins=request.origins,
+        overwrite=request.overwrite,
     )
     notice("checking the predictions")
     batches = read_predictions(run, prediction_type(protocol))
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
-    request = ScoreRequest(
-        truth=truth, protocol=protocol, kind=kind, draws=draws, seed=seed, pool=pool
+    scoring = ScoreRequest(
+        truth=truth, protocol=protocol, kind=kind, draws=draws, seed=request.seed, pool=request.pool
     )
-    own = score(request, predictions, notice)
+    own = score(scoring, predictions, notice)
     equal = None
     if not predictions.equally_confident:
         notice("the same predictions under equal confidence")
-        equal = ranked_score(request, _kept_equal(predictions, own), notice)
-    summary = _summary(run, request, predictions, own, equal)
+        equal = ranked_score(scoring, _kept_equal(predictions, own), notice)
+    summary = _summary(run, scoring, predictions, own, equal)
     sums: list[AmodalSums] = []
     if protocol.payload is AMODAL:
-        amodal, intervals, sums = score_amodal(request, predictions, own, notice)
+        amodal, intervals, sums = score_amodal(scoring, predictions, own, notice)
         intervals = {**summary.intervals, **intervals}
         summary = structs.replace(summary, amodal=amodal, intervals=intervals)
     evaluation = Evaluation(
@@ -128,7 +113,7 @@ def evaluate_detections(
         matches=matches_file.pack_matches(own, equal),
         view={**views(truth, predictions, own), "run.json": run_view(run)},
     )
-    write_evaluation(output, evaluation, overwrite=overwrite)
+    write_evaluation(request.output, evaluation, overwrite=request.overwrite)
     return evaluation
 
 
@@ -150,11 +135,7 @@ def _kept_equal(predictions: Predictions, own: Score) -> Predictions:
 
 
 def _summary(
-    run: Run,
-    request: ScoreRequest,
-    predictions: Predictions,
-    own: Score,
-    equal: RankedScore | None,
+    run: Run, request: ScoreRequest, predictions: Predictions, own: Score, equal: RankedScore | None
 ) -> DetectionSummary:
     truth, protocol = request.truth, request.protocol
     policy = equal or own
@@ -168,12 +149,12 @@ def _summary(
         coverage=_coverage(run, own),
         metrics=named_metrics(protocol, own.scores.official),
         official=own.scores.official,
-        ties=own.ties.document(),
+        ties=own.ties,
         equal_confidence=EqualConfidence(
             already_equal=equal is None,
             metrics=named_metrics(protocol, policy.scores.official),
             official=policy.scores.official,
-            ties=policy.ties.document(),
+            ties=policy.ties,
         ),
         matched=MatchedKinds(
             class_aware=matched_document(own.aware, class_aware=True),
@@ -265,14 +246,10 @@ def _evidence(
 ) -> DetectionEvidence:
     """The raw numbers and the exports they belong to."""
     made = run.configuration
-    return DetectionEvidence(
-        versions=installed_versions(),
-        inputs=(),
-        files={},
-        task=summary.task,
-        evaluator=summary.evaluator,
-        coverage=summary.coverage,
-        configuration=configuration,
+    return make_evidence(
+        DetectionEvidence,
+        summary,
+        configuration,
         run=RunOrigin(
             kind=made.kind or None,
             source=made.source or None,
@@ -281,9 +258,7 @@ def _evidence(
             vocabulary_sha256=made.vocabulary_sha256 or None,
         ),
         protocol=CardOrigin(
-            task=protocol.task,
-            card_version=protocol.card.version,
-            card_sha256=protocol.card.sha256,
+            task=protocol.task, card_version=protocol.card.version, card_sha256=protocol.card.sha256
         ),
         raw=RawScores(
             official=own.scores.official,

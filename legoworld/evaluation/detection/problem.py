@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.evaluation.detection.inputs.caps import rank_in_group
 from legoworld.evaluation.detection.inputs.prediction_columns import PredictionColumns
+from legoworld.evaluation.detection.inputs.prediction_order import rank_in_group
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.protocols import DetectionProtocol
@@ -149,11 +149,7 @@ def _detections(
 
 
 def _apply_federation(
-    truth: Truth,
-    cell: Ints,
-    category_ids: Ints,
-    truths: TrueInstances,
-    protocol: DetectionProtocol,
+    truth: Truth, cell: Ints, category_ids: Ints, truths: TrueInstances, protocol: DetectionProtocol
 ) -> tuple[Bools, Bools]:
     """Which detections (by image * n_categories + category) are verified and exhaustive."""
     if not protocol.federated:

@@ -22,21 +22,21 @@ from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.greedy import MatchTable, match_table
 from legoworld.evaluation.detection.matching.matched_metrics import (
     MatchedCounts,
+    Pairs,
     matched_counts,
     matched_metrics,
 )
 from legoworld.evaluation.detection.matching.matches import match_and_pair, match_states
-from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
 from legoworld.evaluation.detection.problem import Floats, Problem, build_problem
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.detection.ranking.accumulation import Curves, accumulate, metric_value
 from legoworld.evaluation.detection.ranking.resampling import (
-    metrics_of_one_image,
     resampled_metrics,
+    single_image_metrics,
 )
-from legoworld.evaluation.detection.ranking.ties import TieResult, tie_orders
+from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_summary import Interval, Values
+from legoworld.records.evaluation_summary import Interval, Ties, Values
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 #: Largest difference between an evaluator's number and ours: summation order, nothing more.
@@ -65,7 +65,7 @@ class RankedScore:
     problem: Problem
     table: MatchTable
     curves: Curves
-    ties: TieResult
+    ties: Ties
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,6 @@ class Score(RankedScore):
     """
 
     pairs_aware: Pairs
-    pairs_agnostic: Pairs
     aware: MatchedCounts
     agnostic: MatchedCounts
     intervals: dict[str, Interval]
@@ -100,7 +99,6 @@ def score(request: ScoreRequest, predictions: Predictions, notice: Notice) -> Sc
     return Score(
         **{f.name: getattr(ranked, f.name) for f in fields(ranked)},
         pairs_aware=matches.aware,
-        pairs_agnostic=matches.agnostic,
         aware=counts[0],
         agnostic=counts[1],
         intervals=_intervals(request, ranked.scores, ranked.table, *counts, samples),
@@ -188,7 +186,7 @@ def _intervals(
                 metrics[f"{prefix}.{name}"] = resampled[name]
                 values[f"{prefix}.{name}"] = float(point[name][0])
     del metrics["class_aware.label_accuracy"]
-    lone = metrics_of_one_image(table, protocol, category_frequencies(request.truth))
+    lone = single_image_metrics(table, protocol, category_frequencies(request.truth))
     if len(np.unique(table.truth_image)) < 2:
         lone = set(metrics)
     return {

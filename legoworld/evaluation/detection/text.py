@@ -6,11 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from legoworld.evaluation.detection.amodal_text import amodal_part, short_amodal
-from legoworld.evaluation.detection.protocols import (
-    DetectionProtocol,
-    Metric,
-    detection_protocol,
-)
+from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric, detection_protocol
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
 from legoworld.evaluation.short_text import (
     bounds,

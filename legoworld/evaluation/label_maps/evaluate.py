@@ -12,26 +12,27 @@ import numpy as np
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.agreement import agreement
 from legoworld.evaluation.bootstrap import centred_interval, check_draws, resample_counts
-from legoworld.evaluation.checks import Check, find_input, refuse_unseen
+from legoworld.evaluation.checks import Check, refuse_unseen
+from legoworld.evaluation.evidence import agreement
 from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation
-from legoworld.evaluation.label_maps.errors import MapInvalidError, MapTruthError, MapUnseenError
-from legoworld.evaluation.label_maps.family import MapFamily, MapItem, MapTruth
-from legoworld.evaluation.label_maps.sums import drawn_values, present_categories, total_sums
+from legoworld.evaluation.label_maps.family import (
+    MapFamily,
+    MapInvalidError,
+    MapItem,
+    MapTruth,
+    MapTruthError,
+    MapUnseenError,
+)
+from legoworld.evaluation.label_maps.sums import present_categories, resample_values, total_sums
 from legoworld.evaluation.prepare_inputs import prepared_inputs
-from legoworld.evaluation.run import Run, read_family_run, read_rows, run_view
+from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share
 from legoworld.records.base import as_json, number
 from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
-from legoworld.records.folders.evaluation_folder import (
-    Evaluation,
-    coverage_of,
-    evidence_of,
-    write_evaluation,
-)
+from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.label_maps import (
     LabelMapEvidence,
@@ -41,8 +42,7 @@ from legoworld.records.label_maps import (
     MapBootstrap,
     MapCategory,
 )
-from legoworld.tracks.dataset_versions import dataset_version
-from legoworld.tracks.vocabulary import Vocabulary
+from legoworld.tracks.vocabulary import Vocabulary, dataset_version
 from legoworld.workers.tasks import map_items
 
 #: Images whose measuring takes as long as other processes take to start.
@@ -87,12 +87,12 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
     views: dict[str, Any] = {"run.json": run_view(run)}
     pool = request.pool.for_work(worth_a_process=len(items) > _FEW)
     tasks = [_task(family, item) for item in items]
-    for row, view in map_items(_measured, tasks, pool):
+    for row, view in map_items(_measure_task, tasks, pool):
         rows.append(row)
         views[f"{row.image_id}.json"] = view
         request.progress(row)
     summary = summarise(family, rows, run, truth.vocabulary, configuration)
-    evidence = evidence_of(LabelMapEvidence, summary, configuration, "pillow")
+    evidence = make_evidence(LabelMapEvidence, summary, configuration, "pillow")
     evaluation = Evaluation(
         summary=summary, evidence=evidence, inputs=inputs, per_image=rows, view=views
     )
@@ -138,7 +138,7 @@ def _task(family: MapFamily, item: MapItem) -> _Task:
     return _Task(family=family, item=item, sizes_bytes={p: p.stat().st_size for p in paths})
 
 
-def _measured(task: _Task) -> tuple[LabelMapRow, LabelMapView]:
+def _measure_task(task: _Task) -> tuple[LabelMapRow, LabelMapView]:
     """An image's row and view; an answer that cannot be scored is measured as VOID."""
     item, row = task.item, task.item.row
     what = f"the {task.family.noun} of {row.file_name}"
@@ -192,7 +192,7 @@ def summarise(
     intervals = {}
     if len(rows) > 1 and ids:
         counts = resample_counts(len(rows), configuration.draws, configuration.seed)
-        for name, samples in drawn_values(family, rows, ids, things, counts).items():
+        for name, samples in resample_values(family, rows, ids, things, counts).items():
             value = metrics[name]
             intervals[name] = centred_interval(
                 samples, np.nan if value is None else value, unit="image"
@@ -207,7 +207,7 @@ def summarise(
         evaluator=Evaluator(
             name=card.value("scoring.evaluator"), version=card.value("scoring.evaluator_version")
         ),
-        coverage=coverage_of(rows),
+        coverage=count_images(rows),
         dataset_version=dataset_version(vocabulary, run.task),
         metrics=metrics,
         intervals=intervals,
@@ -240,25 +240,16 @@ def verify_maps(family: MapFamily, recorded: RecordedEvaluation) -> Iterator[Che
     yield agreement("metrics in the evidence", evidence.metrics, summary.metrics)
     if not recorded.inputs_hold:
         return
-    run_file, truth_file = (
-        next(
-            find_input(recorded.folder, entry.path, recorded.root)
-            for entry in evidence.inputs
-            if entry.role == role
-        )
-        for role in ("run", "truth")
-    )
-    assert run_file is not None
-    assert truth_file is not None
+    run_file, truth_file = recorded.input("run"), recorded.input("truth")
     run = read_family_run(run_file.parent, family.family, f"a run of {family.noun}")
-    items = _items_again(family, run, truth_file)
+    items = _find_items(family, run, truth_file)
     stored = {row.image_id: as_json(row) for row in rows}
     for item in items[:: max(1, math.ceil(len(items) / _AGAIN))]:
-        row, _ = _measured(_task(family, item))
+        row, _ = _measure_task(_task(family, item))
         yield agreement(f"row of image {row.image_id}", as_json(row), stored.get(row.image_id))
 
 
-def _items_again(family: MapFamily, run: Run, first: Path) -> list[MapItem]:
+def _find_items(family: MapFamily, run: Run, first: Path) -> list[MapItem]:
     """The items by the first file of truth: it itself, or the closest folder that has them all."""
     refusal: LegoWorldError | None = None
     for place in (first, *first.parents):

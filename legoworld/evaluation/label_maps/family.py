@@ -10,12 +10,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld import exit_codes
 from legoworld.cards import Card
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.run import Run
 from legoworld.records.label_maps import LabelMapView, MatchedSegment
 from legoworld.records.run_rows import RunRow
 from legoworld.tasks.task import Family
 from legoworld.tracks.vocabulary import Vocabulary
+
+
+class MapTruthError(LegoWorldError):
+    """The ground truth is missing, unreadable or contradicts the run: nothing can be scored."""
+
+    code = "label_map_truth"
+
+
+class MapInvalidError(LegoWorldError):
+    """A label map, or its list of segments, cannot be scored."""
+
+    code = "label_map"
+    status = "invalid"
+
+
+class MapUnseenError(LegoWorldError):
+    """A machine of the cluster does not see the same files as the command."""
+
+    code = "label_map_unseen"
+    exit_code = exit_codes.BLOCKED
+
 
 F64 = NDArray[np.float64]
 Counts = dict[int, tuple[int, int, int]]

@@ -1,19 +1,26 @@
-"""PNGs of numbers: ids as colours, or categories as grey values or places of a palette."""
+"""PNGs of numbers: ids as colours, or categories as grey values or places of a palette.
+
+And the small pictures of an image's label maps for the report.
+"""
 
 from __future__ import annotations
 
+import base64
 import io
 import struct
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import open_regular
+from legoworld.readouts.pictures import Rgb, png_bytes
+from legoworld.records.label_maps import LabelMapView
 from legoworld.scene.pictures import MOST_PHOTO_PX, PNG, claimed_size_wh, png_chunks
 
 _UNREADABLE = (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error)
@@ -64,3 +71,39 @@ def _read(
         raise error(f"{path.name} cannot be read", found=cause(problem), expected=expected) from (
             problem
         )
+
+
+LONGEST_SIDE: Final = 384
+_LOSSLESS: Final = 101
+
+
+def shrink_map(pixels: NDArray[Any]) -> NDArray[Any]:
+    """The pixels of a small view: the middle one of each block, at most 384 blocks a side."""
+    height, width = pixels.shape[:2]
+    shrink = max(1.0, max(width, height) / LONGEST_SIDE)
+    high, wide = max(1, int(height / shrink)), max(1, int(width / shrink))
+    rows = (2 * np.arange(high) + 1) * height // (2 * high)
+    cols = (2 * np.arange(wide) + 1) * width // (2 * wide)
+    return np.ascontiguousarray(pixels[rows][:, cols])
+
+
+def label_map_view(
+    size_hw: tuple[int, ...], *, truth: Rgb, answer: Rgb, agreement: Rgb
+) -> LabelMapView:
+    """The view of three pictures. size_hw: of the image."""
+    height, width = size_hw
+    return LabelMapView(
+        size_wh=(width, height), truth=_png(truth), answer=_png(answer), agreement=_png(agreement)
+    )
+
+
+def encode_webp(png: str) -> bytes:
+    """A picture of a view as the page holds it: lossless WebP."""
+    pixels = cv2.imdecode(np.frombuffer(base64.b64decode(png), np.uint8), cv2.IMREAD_COLOR)
+    done, data = cv2.imencode(".webp", pixels, [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])
+    assert done
+    return data.tobytes()
+
+
+def _png(picture: Rgb) -> str:
+    return base64.b64encode(png_bytes(picture)).decode("ascii")

@@ -33,7 +33,7 @@ def total_sums(rows: Sequence[LabelMapRow], category_ids: Sequence[int]) -> F64:
     return sums
 
 
-def drawn_values(
+def resample_values(
     family: MapFamily,
     rows: Sequence[LabelMapRow],
     category_ids: Sequence[int],
@@ -62,7 +62,7 @@ def _only(row: LabelMapRow, number: int) -> LabelMapRow:
     )
 
 
-def mean_of(values: F64, defined: NDArray[np.bool_]) -> F64:
+def average_defined(values: F64, defined: NDArray[np.bool_]) -> F64:
     """The mean over the last axis of what is defined, added in order; NaN of nothing."""
     kept = np.where(defined, values, 0.0)
     return ratio(in_order(kept), defined.sum(axis=-1))

@@ -53,9 +53,7 @@ def _short(family: MapFamily, over: Over, summary: LabelMapSummary) -> str:
 def _metrics(family: MapFamily, over: Over, summary: LabelMapSummary) -> list[MetricPart]:
     rows = [
         MetricRow(
-            name=name,
-            number=number(value, summary.intervals.get(name)),
-            over=over(summary, name),
+            name=name, number=number(value, summary.intervals.get(name)), over=over(summary, name)
         )
         for name, value in summary.metrics.items()
     ]

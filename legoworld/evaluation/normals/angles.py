@@ -51,22 +51,22 @@ def angular_errors(truth: NDArray[Any], sample: Sample, n_valid: int) -> F64:
     return errors[:end]
 
 
-def summed(errors_deg: F64) -> AngularErrors:
+def sum_errors(errors_deg: F64) -> AngularErrors:
     """The sums of (n,) errors."""
     counts = np.zeros(180 * PER_DEGREE + 1, np.int64)
     for start in range(0, len(errors_deg), _BAND_PX):
-        part = bins_of(errors_deg[start : start + _BAND_PX])
+        part = bin_errors(errors_deg[start : start + _BAND_PX])
         counts += np.bincount(part, minlength=len(counts))
     return AngularErrors(
         n=len(errors_deg),
         sum_deg=float(errors_deg.sum()),
         sum_deg2=float(np.square(errors_deg).sum()),
         below=tuple(int(np.count_nonzero(errors_deg < limit)) for limit in THRESHOLDS_DEG),
-        counts=tuple(_packed(np.trim_zeros(counts, "b").tolist())),
+        counts=tuple(_pack_zeros(np.trim_zeros(counts, "b").tolist())),
     )
 
 
-def bins_of(errors_deg: F64) -> NDArray[np.int64]:
+def bin_errors(errors_deg: F64) -> NDArray[np.int64]:
     """Errors rounded to hundredths of a degree."""
     bins: NDArray[np.int64] = np.rint(errors_deg * PER_DEGREE).astype(np.int64)
     return bins
@@ -77,10 +77,10 @@ def image_metrics(errors_deg: F64, sums: AngularErrors, holes: int) -> Metrics:
     medians = {EXCLUDE: float(np.median(errors_deg))}
     filled = np.concatenate([errors_deg, np.full(holes, HOLE_DEG)]) if holes else errors_deg
     medians[ERROR_90] = float(np.median(filled)) if holes else medians[EXCLUDE]
-    return metrics_of(sums.n, sums.sum_deg, sums.sum_deg2, sums.below, holes, medians)
+    return angular_metrics(sums.n, sums.sum_deg, sums.sum_deg2, sums.below, holes, medians)
 
 
-def metrics_of(
+def angular_metrics(
     n: int,
     sum_deg: float,
     sum_deg2: float,
@@ -104,7 +104,7 @@ def metrics_of(
     return found
 
 
-def _packed(counts: Sequence[int]) -> Iterator[int]:
+def _pack_zeros(counts: Sequence[int]) -> Iterator[int]:
     """Counts with each run of zeros as its negative length."""
     for is_zero, run in groupby(counts, key=lambda count: count == 0):
         values = list(run)

@@ -1,7 +1,8 @@
-"""Arrays of normals from files, with the sign that they state."""
+"""Arrays of normals from files, with the sign that they state; those of ground truth."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,17 +13,25 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
-from legoworld.evaluation.normals.errors import NormalsTruthError
-from legoworld.evaluation.pixels.declaration import is_text, read_declared
-from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored
+from legoworld.evaluation.pixels.errors import pixel_errors
+from legoworld.evaluation.pixels.family import F64, Index, Mask, PixelTruth, Stored
 from legoworld.evaluation.pixels.labelled import (
-    agreed,
     check_version,
     fits_into_memory,
+    is_text,
+    merge_declarations,
     picture_name,
+    read_declared,
     text_label,
 )
+from legoworld.evaluation.pixels.truth import find_all_truth, find_array
 from legoworld.readouts.normals import NORMALS_FILE
+from legoworld.records.run_rows import RunImage
+
+NormalsTruthError, NormalsPredictionError, NormalsMissingError, NormalsUnseenError = ERRORS = (
+    pixel_errors("normals", __name__)
+)
+
 
 DECLARATION: Final = "normals.toml"
 TOWARDS: Final = NORMALS_FILE.labels["sign"]
@@ -113,7 +122,7 @@ def read_normals(
             candidates = (declared.array,) if declared.array else (NORMALS_FILE.array, VALUES)
             name = picture_name(path, contents, candidates, "normals", DECLARATION)
             check_version(contents.labels, path, NORMALS_FILE.version)
-            sign = agreed("sign", text_label(contents.labels, "sign", path), sign, path)
+            sign = merge_declarations("sign", text_label(contents.labels, "sign", path), sign, path)
             values = read_npz_array(path, name, check_size, channels=3)
         else:
             values, name = read_picture(path, check_size=check_size, channels=3)
@@ -153,3 +162,40 @@ def _vectors(values: NDArray[Any], path: Path) -> NDArray[Any]:
     vectors -= 1.0
     vectors[~values.any(axis=2)] = np.nan
     return vectors
+
+
+@dataclass(frozen=True, kw_only=True)
+class NormalsTruthFile:
+    """One image's ground truth. calibration: normals need no further files."""
+
+    path: Path
+    declared: Declaration
+    calibration: tuple[Path, ...] = ()
+
+
+def file_stems(photo: str) -> tuple[str, ...]:
+    """What the normals of a photo may be called: X_normal beside X_img or X, or its own name.
+
+    The first are those of DSINE's evaluation sets and of DIODE, which keep them beside the photos.
+    """
+    return f"{photo.removesuffix('_img')}_normal", f"{photo}_normal", photo
+
+
+def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[NormalsTruthFile, ...]:
+    """The ground truth of every image, in image order. NormalsTruthError where one has none."""
+    declared = read_declaration(truth)
+
+    def find(image: RunImage) -> NormalsTruthFile | None:
+        path = find_array(truth, image, noun="normals", error=NormalsTruthError, stems=file_stems)
+        return NormalsTruthFile(path=path, declared=declared) if path else None
+
+    return find_all_truth(
+        truth, images, find, noun="normals", layout="a folder of arrays", error=NormalsTruthError
+    )
+
+
+def load_truth(file: NormalsTruthFile) -> PixelTruth:
+    """Read one ground truth; its vectors are turned towards the camera."""
+    array = read_normals(file.path, file.declared)
+    values = array.values
+    return PixelTruth(values=values if array.sign == TOWARDS else np.negative(values), counts={})

@@ -15,7 +15,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.normals.angles import PER_DEGREE, bins_of, metrics_of
+from legoworld.evaluation.normals.angles import PER_DEGREE, angular_metrics, bin_errors
 from legoworld.evaluation.normals.protocol import (
     ANGLES,
     ERROR_90,
@@ -24,12 +24,7 @@ from legoworld.evaluation.normals.protocol import (
     METRICS,
     THRESHOLDS_DEG,
 )
-from legoworld.evaluation.pixels.family import (
-    F64,
-    Options,
-    SecondReading,
-    Settings,
-)
+from legoworld.evaluation.pixels.family import F64, Options, SecondReading, Settings
 from legoworld.evaluation.pixels.summary import means
 from legoworld.records.normals import NormalsRow, NormalsSummary, ScoredNormalsRow
 from legoworld.records.pixels import Means
@@ -54,17 +49,17 @@ def own_fields(
 ) -> Mapping[str, Any]:
     """The fields of a summary that only normals have."""
     return {
-        "pooled": _pooled(scored, cast("Mapping[str, float]", settings.options["medians"])),
+        "pooled": _pool_metrics(scored, cast("Mapping[str, float]", settings.options["medians"])),
         "pooled_px": sum(row.n_valid for row in scored),
         "predicted_px": sum(row.errors.n for row in scored),
     }
 
 
-def _pooled(scored: Sequence[ScoredNormalsRow], medians: Mapping[str, float]) -> Means:
+def _pool_metrics(scored: Sequence[ScoredNormalsRow], medians: Mapping[str, float]) -> Means:
     if not scored:
         return means([], METRICS)
     images = [row.errors for row in scored]
-    pooled = metrics_of(
+    pooled = angular_metrics(
         sum(image.n for image in images),
         math.fsum(image.sum_deg for image in images),
         math.fsum(image.sum_deg2 for image in images),
@@ -94,7 +89,7 @@ def _middles(scored: Sequence[ScoredNormalsRow]) -> dict[str, Middle]:
         return {}
     counts = np.zeros(180 * PER_DEGREE + 1, np.int64)
     for row in scored:
-        unpacked = _unpacked(row.errors.counts)
+        unpacked = _unpack_zeros(row.errors.counts)
         counts[: len(unpacked)] += unpacked
     found = {EXCLUDE: _middle(counts, 0)}
     counts[round(HOLE_DEG * PER_DEGREE)] += _holes(scored)
@@ -121,18 +116,18 @@ def _bins(scored: Sequence[ScoredNormalsRow]) -> Options:
 def _medians(scored: Sequence[ScoredNormalsRow], images: Sequence[F64]) -> Options:
     """The exact median by policy, from the errors in these bins."""
     errors = np.sort(np.concatenate([np.empty(0), *images]))
-    bins = bins_of(errors)
+    bins = bin_errors(errors)
     found: dict[str, float] = {}
     for policy, middle in _middles(scored).items():
         low, high = (
-            _ranked(errors[bins == k], rank, middle.holes if k == HOLE_DEG * PER_DEGREE else 0)
+            _select_rank(errors[bins == k], rank, middle.holes if k == HOLE_DEG * PER_DEGREE else 0)
             for k, rank in zip(middle.bins, middle.ranks, strict=True)
         )
         found[policy] = (low + high) / 2
     return {"medians": found}
 
 
-def _ranked(errors: F64, rank: int, holes: int) -> float:
+def _select_rank(errors: F64, rank: int, holes: int) -> float:
     """The rank-th of sorted errors, among which holes stand at 90 degrees."""
     before = int(np.searchsorted(errors, HOLE_DEG))
     if before <= rank < before + holes:
@@ -140,14 +135,14 @@ def _ranked(errors: F64, rank: int, holes: int) -> float:
     return float(errors[rank if rank < before else rank - holes])
 
 
-def _recorded(summary: NormalsSummary) -> Options:
+def _recall_medians(summary: NormalsSummary) -> Options:
     return {"medians": {p: v for p, v in summary.pooled[_MEDIAN].items() if v is not None}}
 
 
-def _unpacked(packed: Sequence[int]) -> NDArray[np.int64]:
+def _unpack_zeros(packed: Sequence[int]) -> NDArray[np.int64]:
     values = np.array(packed, np.int64)
     lengths = np.where(values < 0, -values, 1)
     return np.repeat(np.maximum(values, 0), lengths)
 
 
-MEDIAN: Final = SecondReading(question=_bins, conclude=_medians, recall=_recorded)
+MEDIAN: Final = SecondReading(question=_bins, conclude=_medians, recall=_recall_medians)

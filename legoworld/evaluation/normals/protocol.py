@@ -6,8 +6,7 @@ from typing import Any, Final
 
 from legoworld.cards import Card
 from legoworld.evaluation.normals.arrays import SIGNS
-from legoworld.evaluation.pixels.family import PixelMetric
-from legoworld.evaluation.pixels.protocol import PixelProtocol, pixel_protocol
+from legoworld.evaluation.pixels.family import PixelMetric, PixelProtocol, pixel_protocol
 
 THRESHOLDS_DEG: Final = (5.0, 7.5, 11.25, 22.5, 30.0)
 SHARES: Final = ("below_5", "below_7_5", "below_11_25", "below_22_5", "below_30")

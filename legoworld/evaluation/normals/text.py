@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from legoworld.evaluation.metrics import MetricPart, MetricRow, metric_parts, number
 from legoworld.evaluation.normals.protocol import ANGLES, ERROR_90, FAILS
-from legoworld.evaluation.pixels.text import attempted_rows, few_not_scored, not_scored
+from legoworld.evaluation.pixels.text import attempted_rows, list_few_unscored, list_unscored
 from legoworld.evaluation.short_text import describe_evaluator, fraction, image_counts
 from legoworld.pluralize import plural
 from legoworld.records.normals import NormalsSummary
@@ -19,7 +19,7 @@ def short_normals(summary: NormalsSummary) -> str:
         f"{describe_evaluator(summary)}: {image_counts(summary.coverage)}",
         f"{plural(summary.pooled_px, 'pixel', 'pixels')} pooled: {', '.join([*angles, *shares])}",
     ]
-    return "\n".join([*lines, *few_not_scored(summary)])
+    return "\n".join([*lines, *list_few_unscored(summary)])
 
 
 def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
@@ -59,7 +59,7 @@ def normals_notes(summary: NormalsSummary) -> list[str]:
         f"images: {by_status}; {summary.resampled} resampled, "
         f"{plural(summary.warnings, 'warning', 'warnings')}",
         f"mean share of truth pixels that are holes: {fraction(summary.mean_hole_share)}",
-        *not_scored(summary),
+        *list_unscored(summary),
     ]
     return lines + ["partial run: only some images of its track"] * summary.partial
 

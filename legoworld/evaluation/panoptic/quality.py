@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.label_maps.errors import MapInvalidError, MapTruthError
-from legoworld.evaluation.label_maps.family import F64, Counts, MapItem, Measured
-from legoworld.evaluation.label_maps.png import check_size, read_ids
-from legoworld.evaluation.label_maps.sums import mean_of, ratio
-from legoworld.evaluation.label_maps.view import label_map_view, shown
+from legoworld.evaluation.label_maps.family import (
+    F64,
+    Counts,
+    MapInvalidError,
+    MapItem,
+    MapTruthError,
+    Measured,
+)
+from legoworld.evaluation.label_maps.png import check_size, label_map_view, read_ids, shrink_map
+from legoworld.evaluation.label_maps.sums import average_defined, ratio
 from legoworld.evaluation.panoptic.truth import TrueSegments
 from legoworld.readouts.label_maps import VOID
 from legoworld.readouts.map_pictures import agreement_picture, segment_picture
@@ -45,7 +50,7 @@ def measure_segments(item: MapItem) -> Measured:
         check_size(item.path, ids, true_ids.shape, MapInvalidError)
         place = check_answer(ids, segments, item.category_ids, item.path.name)
     counts, matched = count_segments(true_place, place, truth.segments, segments)
-    small_true, small = shown(true_place), shown(place)
+    small_true, small = shrink_map(true_place), shrink_map(place)
     of_true, of = _listed_categories(truth.segments), _listed_categories(segments)
     true_category, category = (np.array([VOID, *ids]) for ids in (of_true, of))
     view = label_map_view(
@@ -186,7 +191,7 @@ def panoptic_values(sums: F64, things: NDArray[np.bool_]) -> dict[str, F64]:
     of, defined = category_values(sums), sums[..., 1:].sum(axis=-1) > 0
     groups = {"": np.ones_like(things), "_things": things, "_stuff": ~things}
     return {
-        f"{name}{group}": mean_of(of[name], defined & kept)
+        f"{name}{group}": average_defined(of[name], defined & kept)
         for group, kept in groups.items()
         for name in ("PQ", "SQ", "RQ")
     }

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from legoworld.cards import Card
 from legoworld.errors import LegoWorldError, cause
-from legoworld.evaluation.label_maps.errors import MapTruthError
-from legoworld.evaluation.label_maps.family import MapTruth
+from legoworld.evaluation.label_maps.family import MapTruth, MapTruthError
 from legoworld.evaluation.run import Run
 from legoworld.records.base import RecordError, decode
 from legoworld.records.coco_file import PanopticAnnotation, PanopticTruthFile, SegmentInfo

@@ -2,35 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import check_draws
+from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.family import EvaluationRequest
 from legoworld.evaluation.pixels.family import (
+    ImageResult,
     Options,
     PixelFamily,
     SecondReading,
     Settings,
     TruthFile,
 )
-from legoworld.evaluation.pixels.image_tasks import ImageTask, image_tasks, scored_images
-from legoworld.evaluation.pixels.predictions import PixelRun, read_pixel_run
+from legoworld.evaluation.pixels.predictions import PixelImage, PixelRun, read_pixel_run
+from legoworld.evaluation.pixels.rows import score_row
 from legoworld.evaluation.pixels.summary import summarise
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
-from legoworld.records.folders.evaluation_folder import (
-    Evaluation,
-    evidence_of,
-    write_evaluation,
-)
+from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.pixels import PixelRow
+from legoworld.workers.tasks import WorkerPool, map_items
+
+#: Bytes of ground truth that are scored in the time that other processes take to start.
+_FEW_BYTES: Final = 16 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageTask:
+    """One image to score. task: its name; sizes_bytes: of its files as the command sees them."""
+
+    family: PixelFamily
+    task: str
+    image: PixelImage
+    file: TruthFile
+    options: Options
+    sizes_bytes: dict[Path, int]
+
+
+def image_tasks(
+    run: PixelRun, files: Sequence[TruthFile], family: PixelFamily, options: Options
+) -> list[ImageTask]:
+    """The task of each image of a run."""
+    return [
+        ImageTask(
+            family=family,
+            task=run.run.task,
+            image=image,
+            file=file,
+            options=options,
+            sizes_bytes={p: p.stat().st_size for p in (image.path, file.path) if p.is_file()},
+        )
+        for image, file in zip(run.images, files, strict=True)
+    ]
+
+
+def scored_images(tasks: Sequence[ImageTask], pool: WorkerPool) -> Iterator[ImageResult]:
+    """The result of every image, in the order of the tasks."""
+    truth_bytes = sum(task.sizes_bytes.get(task.file.path, 0) for task in tasks)
+    much = len(tasks) > 1 and truth_bytes > _FEW_BYTES
+    return map_items(score_task, tasks, pool.for_work(worth_a_process=much))
+
+
+def score_task(task: ImageTask) -> ImageResult:
+    """Score one image. The family's `unseen` if this machine does not see the command's files.
+
+    Otherwise a file missing on this machine would be mistaken for a missing prediction.
+    """
+    what = f"the {task.family.noun} files of {task.image.image.file_name}"
+    refuse_unseen(task.sizes_bytes, what, task.family.errors.unseen)
+    return score_row(task.image, task.file, task.family, task.task, task.options)
 
 
 def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
@@ -80,7 +128,7 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     )
     evaluation = Evaluation(
         summary=summary,
-        evidence=evidence_of(family.records.evidence, summary, configuration),
+        evidence=make_evidence(family.records.evidence, summary, configuration),
         inputs=inputs,
         per_image=rows,
         view=views,

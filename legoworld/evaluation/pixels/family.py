@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,58 @@ from numpy.typing import NDArray
 from legoworld.cards import Card
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.pixels.errors import PixelErrors
-from legoworld.evaluation.pixels.protocol import PixelProtocol
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.comparison import Better
-from legoworld.records.evaluation_summary import Coverage
+from legoworld.records.evaluation_summary import Coverage, Evaluator
 from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
 from legoworld.records.pixels import PixelRow, PixelSummary
 from legoworld.records.run_rows import RunImage
 from legoworld.tasks.task import Family
+
+#: What every family's code implements.
+_FIXED: Final[dict[str, Any]] = {
+    "scoring.resolution": "truth",
+    "scoring.images": "track",
+    "scoring.failed_image": "left_out_and_listed",
+    "holes.exclude": "not_scored",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelProtocol:
+    """A card, held to what the code implements. declared: its choices that summaries repeat."""
+
+    card: Card
+    declared: Sequence[str]
+
+    @property
+    def evaluator(self) -> Evaluator:
+        """What scores."""
+        value = self.card.value
+        return Evaluator(
+            name=str(value("scoring.evaluator")), version=str(value("scoring.evaluator_version"))
+        )
+
+    @property
+    def min_valid_px(self) -> int:
+        """Fewer pixels in truth or prediction are not scored."""
+        return int(self.card.value("scoring.min_valid_px"))
+
+    @property
+    def choices(self) -> dict[str, Any]:
+        """The choices that determine a number, by the last part of their card key."""
+        keys = (*self.declared, "scoring.min_valid_px")
+        return {key.split(".")[1]: self.card.value(key) for key in keys}
+
+
+def pixel_protocol(
+    card: Card, *, fixed: Mapping[str, Json], declared: Sequence[str]
+) -> PixelProtocol:
+    """A card's protocol; InstallationError if a fixed value differs from the code's."""
+    card.hold_to({**_FIXED, **fixed})
+    return PixelProtocol(card=card, declared=declared)
+
 
 if TYPE_CHECKING:
     from legoworld.evaluation.pixels.predictions import PixelRun
@@ -48,21 +91,17 @@ class PixelArray(Protocol):
     @property
     def values(self) -> NDArray[Any]:
         """As the file has them."""
-        ...
 
     @property
     def size_wh(self) -> tuple[int, int]:
         """(width, height)."""
-        ...
 
     @property
     def stored(self) -> Stored | None:
         """How its file has it; None for an array of no file."""
-        ...
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
-        ...
 
 
 class TruthFile(Protocol):
@@ -71,12 +110,10 @@ class TruthFile(Protocol):
     @property
     def path(self) -> Path:
         """Of the array."""
-        ...
 
     @property
     def calibration(self) -> tuple[Path, ...]:
         """Further files that it needs."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +233,7 @@ class PixelFamily:
     options: the family's own parameters, by name with their defaults.
     protocol: of a task's card; valid: mask of the values of truth that count.
     group: what is drawn with an image, by its file name.
-    find_truth: of every image, below a folder; load_truth: one of them; truth_of: an array in
+    find_truth: of every image, below a folder; load_truth: one of them; make_truth: an array in
     memory. read: a file of a run, its size checked before it is read; array: one in memory, as
     readouts have it.
     measure: an image's row with numbers, and its view.
@@ -219,7 +256,7 @@ class PixelFamily:
     valid: Callable[[NDArray[Any]], Mask]
     find_truth: Callable[[Path, Sequence[RunImage]], tuple[Any, ...]]
     load_truth: Callable[[Any], PixelTruth]
-    truth_of: Callable[[NDArray[Any]], PixelTruth]
+    make_truth: Callable[[NDArray[Any]], PixelTruth]
     read: Callable[[Path, SizeCheck | None], PixelArray]
     array: Callable[[NDArray[Any]], PixelArray]
     measure: Callable[[Measuring], ImageResult]

@@ -54,7 +54,7 @@ def live_pixels(family: PixelFamily, options: Options) -> LiveFamily:
         )
 
     return LiveFamily(
-        open=lambda _task, truth: {i: family.truth_of(a) for i, a in _by_id(truth).items()},
+        open=lambda _task, truth: {i: family.make_truth(a) for i, a in _by_id(truth).items()},
         sizes_wh=lambda truths: {i: truth.size_wh for i, truth in truths.items()},
         score=score,
         stored=family.stored,

@@ -36,7 +36,7 @@ def score_row(
     Errors of the prediction become the row's status and reason; errors of the ground truth are
     raised.
     """
-    truth = _loaded(file, family)
+    truth = _load_truth(file, family)
     row = _truth_row(image.image, truth, family)
 
     def load(check: SizeCheck) -> PixelArray:
@@ -44,7 +44,7 @@ def score_row(
 
     if row.n_valid >= family.protocol(load_card(task)).min_valid_px and image.image.status != "ok":
         return ImageResult(row=replace(row, status=image.image.status, reason=image.reason))
-    return _measured(row, truth, file, load, family, task, options)
+    return _measure_image(row, truth, file, load, family, task, options)
 
 
 def score_values(
@@ -57,10 +57,10 @@ def score_values(
 ) -> ImageResult:
     """Score one image of arrays in memory, `score_row`."""
     row = _truth_row(image, truth, family)
-    return _measured(row, truth, None, lambda _: family.array(values), family, task, options)
+    return _measure_image(row, truth, None, lambda _: family.array(values), family, task, options)
 
 
-def _measured(
+def _measure_image(
     row: PixelRow,
     truth: PixelTruth,
     file: TruthFile | None,
@@ -79,9 +79,7 @@ def _measured(
         prediction = load(check)
         check(prediction.size_wh)
         read = replace(
-            row,
-            prediction_wh=prediction.size_wh,
-            resampled=prediction.size_wh != truth.size_wh,
+            row, prediction_wh=prediction.size_wh, resampled=prediction.size_wh != truth.size_wh
         )
         return family.measure(
             Measuring(
@@ -101,7 +99,7 @@ def _measured(
     return ImageResult(row=row)
 
 
-def _loaded(file: TruthFile, family: PixelFamily) -> PixelTruth:
+def _load_truth(file: TruthFile, family: PixelFamily) -> PixelTruth:
     try:
         return family.load_truth(file)
     except MemoryError as error:

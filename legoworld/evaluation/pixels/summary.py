@@ -12,13 +12,13 @@ from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, res
 from legoworld.evaluation.pixels.family import (
     PixelFamily,
     PixelMetric,
+    PixelProtocol,
     Settings,
     metric_policies,
 )
-from legoworld.evaluation.pixels.protocol import PixelProtocol
+from legoworld.evaluation.run import count_images
 from legoworld.records.base import UNSET, to_record
 from legoworld.records.evaluation_summary import Interval, NotScored
-from legoworld.records.folders.evaluation_folder import coverage_of
 from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow
 
 
@@ -42,21 +42,18 @@ def summarise(
         partial=partial,
         evaluator=protocol.evaluator,
         protocol=to_record(records.choices, protocol.choices | options),
-        coverage=records.coverage(rows, coverage_of(rows)),
+        coverage=records.coverage(rows, count_images(rows)),
         metrics=means([row.scores for row in scored if row.scores], family.metrics),
         intervals=intervals,
         bootstrap=bootstrap,
         all_attempted=records.attempted(
-            **_attempted(rows, family.metrics[0], family.missing(protocol))
+            **_average_attempted(rows, family.metrics[0], family.missing(protocol))
         ),
         mean_hole_share=mean([row.hole_share for row in scored if row.hole_share is not UNSET]),
         resampled=sum(bool(row.resampled) for row in scored),
         not_scored=tuple(
             NotScored(
-                image_id=row.image_id,
-                file_name=row.file_name,
-                status=row.status,
-                reason=row.reason,
+                image_id=row.image_id, file_name=row.file_name, status=row.status, reason=row.reason
             )
             for row in rows
             if not row.has_score
@@ -66,7 +63,9 @@ def summarise(
     )
 
 
-def _attempted(rows: Sequence[PixelRow], metric: PixelMetric, given: float) -> dict[str, Any]:
+def _average_attempted(
+    rows: Sequence[PixelRow], metric: PixelMetric, given: float
+) -> dict[str, Any]:
     """A metric over every image with truth, where one without a score has a given value."""
     with_truth, name = [row for row in rows if row.has_truth], metric.name
     return {
@@ -93,7 +92,7 @@ def mean(values: Sequence[float]) -> float | None:
     return float(np.mean(np.array(values, np.float64))) if values else None
 
 
-def unit_of(rows: Sequence[PixelRow]) -> Any:
+def resampling_unit(rows: Sequence[PixelRow]) -> Any:
     """What is resampled: scenes if every photo is named after one, otherwise images."""
     named = bool(rows) and all(row.group != row.file_name for row in rows)
     return "scene" if named else "image"
@@ -134,7 +133,7 @@ def _intervals(
     bootstrap = PixelBootstrap(
         draws=settings.draws,
         seed=settings.seed,
-        unit=unit_of(with_truth),
+        unit=resampling_unit(with_truth),
         groups=len(columns),
         level=LEVEL,
     )

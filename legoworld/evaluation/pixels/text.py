@@ -10,14 +10,14 @@ from legoworld.pluralize import plural
 from legoworld.records.pixels import PixelSummary
 
 
-def not_scored(summary: PixelSummary) -> list[str]:
+def list_unscored(summary: PixelSummary) -> list[str]:
     """A line for each image without a score."""
     return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
 
 
-def few_not_scored(summary: PixelSummary) -> list[str]:
+def list_few_unscored(summary: PixelSummary) -> list[str]:
     """The first of these."""
-    return first_few(not_scored(summary), "image without a score", "images without a score")
+    return first_few(list_unscored(summary), "image without a score", "images without a score")
 
 
 def attempted_rows(summary: PixelSummary, metric: str) -> list[MetricRow]:

@@ -15,7 +15,7 @@ from legoworld.records.run_rows import RunImage
 F = TypeVar("F")
 
 
-def truth_of_all(
+def find_all_truth(
     truth: Path,
     images: Sequence[RunImage],
     find: Callable[[RunImage], F | None],
@@ -49,7 +49,7 @@ def truth_of_all(
     return tuple(files)
 
 
-def array_of(
+def find_array(
     truth: Path,
     image: RunImage,
     *,

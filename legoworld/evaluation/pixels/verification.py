@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,15 +9,14 @@ from typing import Any, Final, cast
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.agreement import agreement
-from legoworld.evaluation.checks import Check, find_input
+from legoworld.evaluation.checks import Check
+from legoworld.evaluation.evidence import agreement, check_summary
 from legoworld.evaluation.family import RecordedEvaluation
 from legoworld.evaluation.pixels.family import Options, PixelFamily, Settings, TruthFile
 from legoworld.evaluation.pixels.predictions import read_pixel_run
 from legoworld.evaluation.pixels.rows import score_row
 from legoworld.evaluation.pixels.summary import summarise
 from legoworld.records.base import as_json
-from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.pixels import PixelRow
 from legoworld.records.run_rows import RunImage
 
@@ -42,30 +40,19 @@ def verify_pixels(family: PixelFamily, recorded: RecordedEvaluation) -> Iterator
             options={**options, **recalled}, draws=bootstrap.draws, seed=bootstrap.seed
         ),
     )
-    # All that the file says: a key that no reader knows follows from no row.
-    made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())
-    for key in sorted({*made, *written}):
-        yield agreement(f"{key} from the rows", made.get(key), written.get(key))
+    yield from check_summary(recorded, again)
     evidence: Any = recorded.evidence
     yield agreement("metrics in the evidence", evidence.metrics, summary.metrics)
     if recorded.inputs_hold:
-        yield from _rows_again(family, recorded, options)
+        yield from _rescore_rows(family, recorded, options)
 
 
-def _rows_again(
+def _rescore_rows(
     family: PixelFamily, recorded: RecordedEvaluation, options: Options
 ) -> Iterator[Check]:
     """Re-score up to `SCORED_AGAIN` images from the available run and ground truth."""
-    run_file, truth_file = (
-        next(
-            find_input(recorded.folder, i.path, recorded.root)
-            for i in recorded.evidence.inputs
-            if i.role == role
-        )
-        for role in ("run", "truth")
-    )
-    run = read_pixel_run(_known(run_file).parent, family)
-    files = _truth_files(_known(truth_file), [image.image for image in run.images], family)
+    run = read_pixel_run(recorded.input("run").parent, family)
+    files = _truth_files(recorded.input("truth"), [image.image for image in run.images], family)
     rows = {row.image_id: as_json(row) for row in recorded.rows}
     step = max(1, math.ceil(len(run.images) / SCORED_AGAIN))
     for image, file in list(zip(run.images, files, strict=True))[::step]:
@@ -89,8 +76,3 @@ def _truth_files(
             return files
     assert refusal is not None
     raise refusal
-
-
-def _known(path: Path | None) -> Path:
-    assert path is not None
-    return path

@@ -51,13 +51,13 @@ def shown_pixels(truth: NDArray[Any], valid: Callable[[NDArray[Any]], Mask]) -> 
     )
 
 
-def encoded(values: NDArray[Any], known: Mask, hole: float) -> str:
+def encode_array(values: NDArray[Any], known: Mask, hole: float) -> str:
     """Values (n,) or (n, channels) as base64 of little-endian float32, `hole` where not known."""
     kept = np.where(known, values.T, hole).T
     return base64.b64encode(np.ascontiguousarray(kept).astype("<f4").tobytes()).decode("ascii")
 
 
-def decoded(text: str, size_wh: tuple[int, int], channels: int = 1) -> NDArray[np.float32]:
+def decode_array(text: str, size_wh: tuple[int, int], channels: int = 1) -> NDArray[np.float32]:
     """A view's array as (height, width) float32, or (height, width, channels)."""
     shape = (*size_wh[::-1], *((channels,) if channels > 1 else ()))
     return np.frombuffer(base64.b64decode(text), "<f4").reshape(shape)

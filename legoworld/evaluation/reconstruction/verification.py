@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.cards import load_card
-from legoworld.evaluation.agreement import agreement
 from legoworld.evaluation.checks import Check, find_input
+from legoworld.evaluation.evidence import agreement
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import read_dataset

@@ -9,27 +9,22 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from legoworld.cards import load_card
-from legoworld.evaluation.agreement import agreement
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.checks import Check, find_input
+from legoworld.evaluation.evidence import agreement
 from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, RecordedEvaluation
 from legoworld.evaluation.metrics import MetricPart, MetricRow, number
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.relations.rows import scored_images
 from legoworld.evaluation.relations.summary import METRICS, POLICIES, metrics
 from legoworld.evaluation.relations.truth import read_truth
-from legoworld.evaluation.run import Run, read_family_run, read_rows, run_view
+from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
 from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
 from legoworld.pluralize import plural
 from legoworld.records.base import UNSET, as_json
 from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
-from legoworld.records.folders.evaluation_folder import (
-    Evaluation,
-    coverage_of,
-    evidence_of,
-    write_evaluation,
-)
+from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.relations import RelationsEvidence, RelationsRow, RelationsSummary
@@ -55,7 +50,7 @@ def _summary(
         kind=kind,
         partial=partial,
         evaluator=Evaluator(name="legoworld", version=card.value("scoring.evaluator_version")),
-        coverage=coverage_of(rows),
+        coverage=count_images(rows),
         metrics=metrics([*METRICS], rows, draws, seed),
         relations=metrics(
             sorted({name for r in rows for name in r.by_relation}), rows, draws, seed
@@ -103,7 +98,7 @@ def _evaluate(request: EvaluationRequest) -> RelationsSummary:
         draws=request.draws,
         seed=request.seed,
     )
-    evidence = evidence_of(RelationsEvidence, summary, configuration)
+    evidence = make_evidence(RelationsEvidence, summary, configuration)
     evaluation = Evaluation(
         summary=summary, evidence=evidence, inputs=inputs, per_image=rows, view=views
     )

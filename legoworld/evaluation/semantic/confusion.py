@@ -7,11 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.label_maps.errors import MapInvalidError
-from legoworld.evaluation.label_maps.family import F64, MapItem, Measured
-from legoworld.evaluation.label_maps.png import check_size, read_values
-from legoworld.evaluation.label_maps.sums import in_order, mean_of, ratio
-from legoworld.evaluation.label_maps.view import label_map_view, shown
+from legoworld.evaluation.label_maps.family import F64, MapInvalidError, MapItem, Measured
+from legoworld.evaluation.label_maps.png import check_size, label_map_view, read_values, shrink_map
+from legoworld.evaluation.label_maps.sums import average_defined, in_order, ratio
 from legoworld.evaluation.semantic.truth import load_classes
 from legoworld.readouts.label_maps import NO_CLASS
 from legoworld.readouts.map_pictures import agreement_picture, category_picture
@@ -34,7 +32,7 @@ def measure_classes(item: MapItem) -> Measured:
         for number, (hit, true, answered) in zip(ids.tolist(), columns.tolist(), strict=True)
         if true or answered
     }
-    small_truth, small = shown(truth), shown(answer)
+    small_truth, small = shrink_map(truth), shrink_map(answer)
     scored = np.isin(small_truth, ids)
     view = label_map_view(
         truth.shape,
@@ -68,9 +66,9 @@ def semantic_values(sums: F64, _things: NDArray[np.bool_]) -> dict[str, F64]:
     every = truth.sum(axis=-1)
     weighted = np.where(truth > 0, truth * np.nan_to_num(of["IoU"]), 0.0)
     return {
-        "mIoU": mean_of(of["IoU"], ~np.isnan(of["IoU"])),
+        "mIoU": average_defined(of["IoU"], ~np.isnan(of["IoU"])),
         "fwIoU": ratio(in_order(weighted), every),
-        "mAcc": mean_of(of["Acc"], truth > 0),
+        "mAcc": average_defined(of["Acc"], truth > 0),
         "aAcc": ratio(hit.sum(axis=-1), every),
     }
 

@@ -14,8 +14,7 @@ from pycocotools import mask as _mask
 from legoworld.cards import Card
 from legoworld.errors import cause
 from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
-from legoworld.evaluation.label_maps.errors import MapTruthError
-from legoworld.evaluation.label_maps.family import MapTruth
+from legoworld.evaluation.label_maps.family import MapTruth, MapTruthError
 from legoworld.evaluation.label_maps.png import read_ids, read_values
 from legoworld.evaluation.panoptic.quality import places
 from legoworld.evaluation.panoptic.truth import TrueSegments, pictures, read_truth, true_segments

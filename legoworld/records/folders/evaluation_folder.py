@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
@@ -24,23 +23,9 @@ from legoworld.files import (
     write_text,
 )
 from legoworld.locks import held_folder
-from legoworld.records.base import (
-    UNSET,
-    Record,
-    as_json,
-    canonical,
-    readable,
-    short_json,
-)
-from legoworld.records.evaluation_rows import (
-    CategoryRow,
-    EvaluationRow,
-    ImageRow,
-)
-from legoworld.records.evaluation_summary import (
-    Coverage,
-    Summary,
-)
+from legoworld.records.base import UNSET, Record, as_json, canonical, readable, short_json
+from legoworld.records.evaluation_rows import CategoryRow, ImageRow
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import EvaluationEvidence, Input, ScoreConfiguration
 from legoworld.records.folders.input_hash import excluded_keys, hash_and_size
 from legoworld.records.folders.read_evaluation import (
@@ -113,11 +98,7 @@ def input_file(role: str, path: Path) -> InputFile:
 
 
 def prepare_folder(
-    folder: Path,
-    *,
-    configuration: ScoreConfiguration,
-    inputs: Sequence[InputFile],
-    overwrite: bool,
+    folder: Path, *, configuration: ScoreConfiguration, inputs: Sequence[InputFile], overwrite: bool
 ) -> None:
     """Refuse early what `write_evaluation` would refuse; make the folder otherwise.
 
@@ -187,33 +168,6 @@ def _write(folder: Path, evaluation: Evaluation[S]) -> None:
     write_text(folder / EVIDENCE, readable(evidence))
 
 
-def coverage_of(rows: Sequence[EvaluationRow]) -> Coverage:
-    """Images by outcome."""
-    return Coverage(
-        attempted=len(rows),
-        scored=sum(row.has_score for row in rows),
-        with_truth=sum(row.has_truth for row in rows),
-        by_status=dict(sorted(Counter(row.status for row in rows).items())),
-    )
-
-
-def evidence_of(
-    kind: type[E], summary: Summary, configuration: ScoreConfiguration, *packages: str
-) -> E:
-    """Evidence of a summary, with all that both say; files and inputs are added as it is written.
-
-    packages: as in `installed_versions`.
-    """
-    both = {*kind.__struct_fields__} & {*summary.__struct_fields__} - {"kind"}
-    return kind(
-        versions=installed_versions(*packages),
-        inputs=(),
-        files={},
-        configuration=configuration,
-        **{name: getattr(summary, name) for name in both},
-    )
-
-
 def installed_versions(*more: str) -> dict[str, str]:
     """Versions of everything a score can depend on; packages that are absent are left out.
 
@@ -226,6 +180,24 @@ def installed_versions(*more: str) -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return versions
+
+
+def make_evidence(
+    kind: type[E], summary: Summary, configuration: ScoreConfiguration, *packages: str, **own: Any
+) -> E:
+    """An evaluation's evidence: `own`, and each field that the summary has under the same name.
+
+    packages: that only this family's scores depend on.
+    """
+    shared = {*kind.__struct_fields__} & {*summary.__struct_fields__} - {"kind", *own}
+    return kind(
+        versions=installed_versions(*packages),
+        inputs=(),
+        files={},
+        configuration=configuration,
+        **{name: getattr(summary, name) for name in shared},
+        **own,
+    )
 
 
 def _entries(inputs: Sequence[InputFile], folder: Path) -> list[Input]:

@@ -60,7 +60,7 @@ def stored_batches(files: Iterable[Path], kind: type[_P]) -> Iterator[list[_P]]:
     for path in files:
         try:
             with path.open("rb") as stream:
-                read = _of_lines if path.suffix == ".jsonl" else _of_list
+                read = _read_lines if path.suffix == ".jsonl" else _read_list
                 yield from read(stream, kind)
         except (OSError, RecordError) as error:
             raise PredictionsUnreadableError(
@@ -109,10 +109,7 @@ def _is_there(path: Path, sha256: str | UnsetType | None) -> bool:
 
 
 def write_predictions(
-    folder: Path,
-    images_per_file: int | None,
-    images: Iterable[Sequence[str]],
-    n_images: int,
+    folder: Path, images_per_file: int | None, images: Iterable[Sequence[str]], n_images: int
 ) -> None:
     """Write each image's predictions, by ascending image id; files of other divisions go.
 
@@ -152,30 +149,30 @@ def _write_list(stream: IO[str], lines: Iterable[str]) -> None:
     stream.write("[]\n" if before == "[\n" else "\n]\n")
 
 
-def _of_lines(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
+def _read_lines(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     """Entries of a file with one a line. RecordError for any other."""
     done, parts = 0, list[bytes]()
     while block := stream.read(_BATCH_BYTES):
         at = block.rfind(b"\n") + 1
         if at:
             parts.append(block[:at])
-            entries = _of_whole_lines(b"".join(parts), kind, done)
+            entries = _read_whole_lines(b"".join(parts), kind, done)
             yield entries
             done += len(entries)
             parts.clear()
         parts.append(block[at:])
     if rest := b"".join(parts):
-        yield _of_whole_lines(rest + b"\n", kind, done)
+        yield _read_whole_lines(rest + b"\n", kind, done)
 
 
-def _of_whole_lines(data: bytes, kind: type[_P], before: int) -> list[_P]:
+def _read_whole_lines(data: bytes, kind: type[_P], before: int) -> list[_P]:
     entries = decode_lines(kind, data, first=before + 1)
     if len(entries) != data.count(b"\n"):
         raise RecordError("a line without a prediction")
     return entries
 
 
-def _of_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
+def _read_list(stream: IO[bytes], kind: type[_P]) -> Iterator[list[_P]]:
     """Entries of a JSON list. RecordError for any other text, with the place in all of it."""
     done, many = 0, list[kind]  # type: ignore[valid-type]
     try:

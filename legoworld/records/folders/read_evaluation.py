@@ -19,7 +19,7 @@ from legoworld.records.evidence import (
     decode_rows,
     decode_summary,
 )
-from legoworld.records.folders.folder_kind import folder_of_other_kind
+from legoworld.records.folders.read_run import describe_other_folder
 
 SUMMARY: Final = "summary.json"
 PER_IMAGE: Final = "per_image.jsonl"
@@ -39,7 +39,7 @@ def require_finished(folder: Path) -> None:
     """EvaluationFolderError when a folder is no finished evaluation."""
     if not (folder / EVIDENCE).is_file() or not (folder / SUMMARY).is_file():
         raise EvaluationFolderError(
-            folder_of_other_kind(folder, "an evaluation") or f"{folder} is no finished evaluation",
+            describe_other_folder(folder, "an evaluation") or f"{folder} is no finished evaluation",
             found=f"no {SUMMARY} with {EVIDENCE}",
             expected="a folder that `legoworld evaluate` wrote",
         )
@@ -60,9 +60,7 @@ def read_evidence(folder: Path, kinds: Sequence[str] = ("evaluation",)) -> AnyEv
         if kind in kinds:
             return decode(AnyEvidence, data)
     raise EvaluationFolderError(
-        f"{EVIDENCE} is of another kind",
-        found=repr(kind),
-        expected=" or ".join(map(repr, kinds)),
+        f"{EVIDENCE} is of another kind", found=repr(kind), expected=" or ".join(map(repr, kinds))
     )
 
 
@@ -77,7 +75,8 @@ def _evidence_bytes(folder: Path) -> bytes:
         return (folder / EVIDENCE).read_bytes()
     except OSError as error:
         raise EvaluationFolderError(
-            folder_of_other_kind(folder, "an evaluation") or f"{folder} has no readable {EVIDENCE}",
+            describe_other_folder(folder, "an evaluation")
+            or f"{folder} has no readable {EVIDENCE}",
             found=cause(error),
             expected="a folder that `legoworld evaluate` or `legoworld compare` wrote",
         ) from error

@@ -12,13 +12,7 @@ from typing import Final
 from msgspec import structs
 
 from legoworld.errors import ConfigurationMismatchError, UsageError
-from legoworld.files import (
-    TEMPORARY_SUFFIX,
-    Json,
-    sync_file,
-    sync_folder,
-    write_text,
-)
+from legoworld.files import TEMPORARY_SUFFIX, Json, sync_file, sync_folder, write_text
 from legoworld.locks import held_alone
 from legoworld.records.base import UNSET, RecordError, canonical, decode, readable, short_json
 from legoworld.records.folders.prediction_files import (

@@ -29,11 +29,7 @@ _CYCLES_OWN: Final = (
     "position", "material_index",
 )  # fmt: skip
 
-_CHANNELS: Final[dict[str, Channel]] = {
-    "Alpha": "alpha",
-    "Color": "luminance",
-    "Vector": "mean",
-}
+_CHANNELS: Final[dict[str, Channel]] = {"Alpha": "alpha", "Color": "luminance", "Vector": "mean"}
 
 #: Attribute types by the property that holds a value, and its numbers.
 _STORED: Final = {

@@ -51,7 +51,7 @@ def scene_camera(scene: bpy.types.Scene) -> SceneCamera:
 
     Raises NoCameraError, UnsupportedCameraError or NonFiniteGeometryError.
     """
-    return _camera_of(scene.camera)
+    return _read_camera(scene.camera)
 
 
 def scene_cameras(graph: bpy.types.Depsgraph) -> tuple[SceneCamera, ...]:
@@ -63,11 +63,11 @@ def scene_cameras(graph: bpy.types.Depsgraph) -> tuple[SceneCamera, ...]:
     for holder in sorted(graph.objects, key=lambda o: o.name):
         if holder.type == "CAMERA" and holder.name not in cameras:
             with suppress(UnsupportedCameraError, NonFiniteGeometryError):
-                cameras[holder.name] = _camera_of(holder)
+                cameras[holder.name] = _read_camera(holder)
     return tuple(cameras.values())
 
 
-def _camera_of(holder: bpy.types.Object | None) -> SceneCamera:
+def _read_camera(holder: bpy.types.Object | None) -> SceneCamera:
     if holder is None or holder.type != "CAMERA":
         kind = "nothing" if holder is None else f"{holder.type.lower()} object {holder.name!r}"
         raise NoCameraError(

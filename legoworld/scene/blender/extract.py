@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import bpy
 
 
-def snapshot_of_blend(
+def read_blend_snapshot(
     path: Path, *, any_camera: bool = False, corner_normals: bool = False
 ) -> Snapshot:
     """Open a .blend and copy its render state. Raises the SceneInvalidErrors of `errors`.
@@ -38,11 +38,11 @@ def snapshot_of_blend(
     opened = open_blend(path)
     if any_camera:
         add_missing_camera(opened.scene)
-    return snapshot_of_open(opened, corner_normals=corner_normals)
+    return read_open_snapshot(opened, corner_normals=corner_normals)
 
 
-def snapshot_of_open(opened: OpenFile, *, corner_normals: bool = False) -> Snapshot:
-    """`snapshot_of_blend` of a file that is open. Changes its render settings."""
+def read_open_snapshot(opened: OpenFile, *, corner_normals: bool = False) -> Snapshot:
+    """`read_blend_snapshot` of a file that is open. Changes its render settings."""
     scene, warnings = opened.scene, opened.warnings
     if opened.n_scenes > 1:
         warnings.append(f"the file holds {opened.n_scenes} scenes; read: {scene.name!r}")
@@ -101,11 +101,13 @@ def _assemble(
         triangle_start=np.cumsum([0] + [len(m.triangles) for m in meshes], dtype=np.int64),
         **arrays,
         **_cutouts(walked.alphas, meshes),
-        corner_normal=np.concatenate([_normals_of(m) for m in meshes]) if corner_normals else None,
+        corner_normal=np.concatenate([_mesh_normals(m) for m in meshes])
+        if corner_normals
+        else None,
     )
 
 
-def _normals_of(mesh: CopiedMesh) -> NDArray[np.float32]:
+def _mesh_normals(mesh: CopiedMesh) -> NDArray[np.float32]:
     if mesh.corner_normal is None:
         return np.zeros((len(mesh.triangles), 3, 3), np.float32)
     return mesh.corner_normal

@@ -44,7 +44,7 @@ def scene_facts(
         ],
         "drivers": _drivers(),
         "joints": joint_facts(scene),
-        "images_of": _images_of_objects(),
+        "images_of": _object_images(),
     }
     return facts, np.stack(thumbnails) if thumbnails else empty
 
@@ -140,7 +140,7 @@ def _image_users(scene: bpy.types.Scene) -> dict[str, set[str]]:
     return users
 
 
-def _images_of_objects() -> dict[str, list[str]]:
+def _object_images() -> dict[str, list[str]]:
     """The images that an object's materials show, for objects that show any."""
     shown = {m.name: _images_in(m.node_tree) for m in bpy.data.materials}
     images_of: dict[str, list[str]] = {}

@@ -162,7 +162,7 @@ class _Walker:
                 unread = self._unread.setdefault(by_rule, set())
                 made = self._copy(shown, mesh, rules, unread, held_out=held_out)
                 self._mesh_of[key] = self._mesh_by_rule[by_rule] = made
-            self._warn_of_unread(shown, rules, self._unread.get(by_rule, set()))
+            self._warn_unread(shown, rules, self._unread.get(by_rule, set()))
         return self._mesh_of[key]
 
     def _rules(self, shown: bpy.types.Object) -> tuple[int, ...]:
@@ -175,7 +175,7 @@ class _Walker:
         materials = [slot.material for slot in shown.material_slots] or [None]
         return materials if self.override is None else [self.override] * len(materials)
 
-    def _warn_of_unread(
+    def _warn_unread(
         self, shown: bpy.types.Object, rules: tuple[int, ...], unread: set[tuple[int, str]]
     ) -> None:
         """Name the object's own materials: others may have the same rule and the same mesh."""

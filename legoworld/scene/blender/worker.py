@@ -87,11 +87,11 @@ def _surprise(error: Exception) -> dict[str, Any]:
 
 def _snapshot(request: Request) -> dict[str, Any]:
     from legoworld.scene.blender.dependencies import dependencies, watched_folders
-    from legoworld.scene.blender.extract import snapshot_of_blend
+    from legoworld.scene.blender.extract import read_blend_snapshot
     from legoworld.scene.snapshot import save
 
     blend = Path(request["blend"])
-    snapshot = snapshot_of_blend(
+    snapshot = read_blend_snapshot(
         blend,
         any_camera=bool(request.get("any_camera")),
         corner_normals=bool(request.get("corner_normals")),
@@ -109,7 +109,7 @@ def _state(request: Request) -> dict[str, Any]:
     """
     from legoworld.records.base import as_json
     from legoworld.scene.blender.entities import scene_states
-    from legoworld.scene.blender.extract import snapshot_of_open
+    from legoworld.scene.blender.extract import read_open_snapshot
     from legoworld.scene.blender.open_file import open_blend
     from legoworld.scene.snapshot import save
 
@@ -122,7 +122,7 @@ def _state(request: Request) -> dict[str, Any]:
         "hashes": hashes,
     }  # before the snapshot, which changes render settings
     try:
-        snapshot = snapshot_of_open(opened)
+        snapshot = read_open_snapshot(opened)
     except (NoCameraError, NoMeshError) as error:
         return {"unseen": error.reason(), **states}
     save(snapshot, Path(request["output"]), passing=True)

@@ -149,10 +149,7 @@ class Accessors:
             element_bytes=dtype.itemsize,
         )  # fmt: skip
         values = Layout(**{**layout.__dict__, "count": count})
-        return (
-            self._elements(where, places)[:, 0],
-            self._elements(sparse.child("values"), values),
-        )
+        return (self._elements(where, places)[:, 0], self._elements(sparse.child("values"), values))
 
     def _overwrite(self, sparse: Fields, layout: Layout, values: NDArray[Any]) -> None:
         places, written = self._sparse_parts(sparse, layout)

@@ -16,12 +16,7 @@ from legoworld.scene.gltf.cutouts import Cut, Pictures
 from legoworld.scene.gltf.draco import DracoMesh, decode
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.nodes import Node, Tree
-from legoworld.scene.gltf.pose import (
-    default_weights,
-    joint_matrices,
-    morphed,
-    skinned,
-)
+from legoworld.scene.gltf.pose import apply_morphs, apply_skin, default_weights, joint_matrices
 from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload, refuse_non_finite
 from legoworld.scene.gltf.verdicts import Budget, unreadable
 
@@ -111,7 +106,7 @@ class Meshes:
         posed = "targets" in fields or skin >= 0
         vertices, normals = primitive.positions, self._stored_normals(primitive)
         if posed:
-            vertices, normals = self._posed(primitive, normals, weights, skin)
+            vertices, normals = self._pose_primitive(primitive, normals, weights, skin)
             refuse_non_finite(vertices, mesh_name)
         return Part(
             vertices=vertices,
@@ -131,7 +126,7 @@ class Meshes:
         self._budget.take(12 * len(stored.values), attributes.place)
         return as_float32(stored)
 
-    def _posed(
+    def _pose_primitive(
         self,
         primitive: Primitive,
         normals: NDArray[np.float32] | None,
@@ -139,9 +134,9 @@ class Meshes:
         skin: int,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
         fields, accessors = primitive.fields, self._accessors
-        positions = morphed("POSITION", primitive.positions, fields, weights, accessors)
+        positions = apply_morphs("POSITION", primitive.positions, fields, weights, accessors)
         if normals is not None:
-            normals = morphed("NORMAL", normals, fields, weights, accessors)
+            normals = apply_morphs("NORMAL", normals, fields, weights, accessors)
         attributes = primitive.fields.child("attributes")
         if skin < 0:
             return positions, normals
@@ -164,4 +159,4 @@ class Meshes:
                 raise unreadable(f"{attributes.place}: joints and weights are not VEC4 a vertex")
             self._budget.take(4 * len(positions) * 24, "joints and weights")
             influences.append((joints.astype(np.int64), as_float32(stored)))
-        return skinned(positions, normals, influences, self._joints[skin], self._budget)
+        return apply_skin(positions, normals, influences, self._joints[skin], self._budget)

@@ -23,7 +23,7 @@ def default_weights(node: Fields, mesh: Fields) -> tuple[float, ...]:
     return node.numbers("weights") or mesh.numbers("weights")
 
 
-def morphed(
+def apply_morphs(
     name: str,
     values: NDArray[np.float32],
     primitive: Fields,
@@ -65,7 +65,7 @@ def joint_matrices(
     return np.ascontiguousarray(matrices[:, :3])
 
 
-def skinned(
+def apply_skin(
     positions: NDArray[np.float32],
     normals: NDArray[np.float32] | None,
     influences: list[tuple[NDArray[np.int64], NDArray[np.float32]]],

@@ -40,11 +40,7 @@ class Primitives:
     """Reads primitives; Draco data is decoded before, see `draco_payload`."""
 
     def __init__(
-        self,
-        document: Fields,
-        accessors: Accessors,
-        draco: Mapping[str, DracoMesh],
-        budget: Budget,
+        self, document: Fields, accessors: Accessors, draco: Mapping[str, DracoMesh], budget: Budget
     ) -> None:
         self.warnings: set[str] = set()
         self._accessors = accessors

@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from legoworld.errors import NoMeshError, NonFiniteGeometryError
 from legoworld.scene.gltf.accessors import Accessors, as_float32
 from legoworld.scene.gltf.buffers import Buffers
-from legoworld.scene.gltf.cameras import (
-    picture_size_wh,
-    scene_camera,
-    scene_cameras,
-)
+from legoworld.scene.gltf.cameras import picture_size_wh, scene_camera, scene_cameras
 from legoworld.scene.gltf.container import Glb
 from legoworld.scene.gltf.cutouts import Cut
 from legoworld.scene.gltf.fields import Fields
@@ -29,7 +25,7 @@ _LARGEST: Final = 1e20  # as in `nodes`
 _INT32: Final = 2**31 - 1
 
 
-def snapshot_of_glb(
+def read_glb_snapshot(
     glb: Glb, folder: Path, *, any_camera: bool = False, corner_normals: bool = False
 ) -> Snapshot:
     """Read the default scene of a .glb. Raises the SceneInvalidErrors of `errors`.

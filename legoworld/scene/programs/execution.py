@@ -70,10 +70,7 @@ def execute(
     held = protections(sandbox)
     source = program.read_bytes()
     output.mkdir(parents=True, exist_ok=True)
-    with (
-        scratch_folder(".executing-", output) as scratch,
-        BlenderProcess(limits) as reader,
-    ):
+    with scratch_folder(".executing-", output) as scratch, BlenderProcess(limits) as reader:
         made = scratch / "made"
         made.mkdir()
         notice(f"running {program.name}")

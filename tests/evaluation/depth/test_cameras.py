@@ -8,10 +8,8 @@ from evaluation.depth.folders import COURTYARD
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from legoworld.evaluation.depth.arrays import DepthArray
-from legoworld.evaluation.depth.cameras import pinhole_from_distorted
-from legoworld.evaluation.depth.errors import CameraModelError
-from legoworld.evaluation.depth.rows import warp_of
+from legoworld.evaluation.depth.arrays import CameraModelError, DepthArray
+from legoworld.evaluation.depth.rows import camera_warp, pinhole_from_distorted
 from legoworld.evaluation.pixels.resampling import sampler
 from legoworld.tracks.colmap import Camera
 from legoworld.visibility.lens import distort
@@ -136,7 +134,7 @@ def test_the_warp_reads_the_pinhole_where_the_distorted_pixel_looks() -> None:
         values=(1 / plane).astype(np.float64), space="depth", unit="m", intrinsics_px=None
     )
     rows, cols = (i.ravel() for i in np.mgrid[: size_wh[1], : size_wh[0]])
-    warped = sampler(prediction, size_wh, warp_of(camera, size_wh))(rows, cols)
+    warped = sampler(prediction, size_wh, camera_warp(camera, size_wh))(rows, cols)
     looked_at = pinhole_from_distorted(camera, np.stack([cols + 0.5, rows + 0.5], axis=1))
     inner = ((looked_at > 0.5) & (looked_at < np.array(size_wh) - 0.5)).all(axis=1)
     expected = 0.2 + looked_at @ [3e-4, 5e-4]

@@ -26,12 +26,12 @@ from legoworld import cli
 from legoworld.cards import load_card
 from legoworld.comparison.depth import COMPARISON
 from legoworld.errors import CatalogError, ConfigurationMismatchError, UsageError
-from legoworld.evaluation.depth.errors import DepthTruthError
+from legoworld.evaluation.depth.arrays import DepthTruthError
 from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.evidence import verify
-from legoworld.evaluation.pixels.view import decoded
+from legoworld.evaluation.pixels.view import decode_array
 from legoworld.evaluation.run import RunUnusableError
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import as_json, decode
@@ -306,7 +306,7 @@ def test_evidence_names_every_input(tmp_path: Path) -> None:
 
 def test_the_dataset_s_camera_changes_what_is_read(tmp_path: Path) -> None:
     # A bent camera. The truth is what it sees of the pinhole's slanted plane.
-    from legoworld.evaluation.depth.cameras import pinhole_from_distorted
+    from legoworld.evaluation.depth.rows import pinhole_from_distorted
     from legoworld.tracks.colmap import Camera
 
     words = "300 200 170 170 151 99 0.2 0.2 0 0.0005 -0.15 0.4 0 0.0008"
@@ -372,7 +372,7 @@ def test_the_view_shows_real_pixels(tmp_path: Path) -> None:
     prediction[:, 350:] = np.inf
     score(tmp_path, {"a.jpg": prediction}, {"a.jpg": truth})
     view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
-    shown, aligned = (decoded(a, view.size_wh) for a in (view.truth_z_m, view.aligned_z_m))
+    shown, aligned = (decode_array(a, view.size_wh) for a in (view.truth_z_m, view.aligned_z_m))
     assert view.size_wh == (256, 109)
     assert shown.shape == (109, 256)
     valid = np.isfinite(shown)
@@ -395,7 +395,7 @@ def test_a_small_picture_is_shown_whole(tmp_path: Path) -> None:
     z = plane(SIZE)
     score(tmp_path, {"a.jpg": z}, {"a.jpg": z})
     view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
-    assert np.array_equal(decoded(view.truth_z_m, view.size_wh), z.astype(np.float32))
+    assert np.array_equal(decode_array(view.truth_z_m, view.size_wh), z.astype(np.float32))
 
 
 def test_a_view_shows_nothing_beyond_the_deepest_truth(tmp_path: Path) -> None:
@@ -405,7 +405,7 @@ def test_a_view_shows_nothing_beyond_the_deepest_truth(tmp_path: Path) -> None:
     _, (row,) = score(tmp_path, {"a.jpg": far}, {"a.jpg": z})
     assert row["clamped_share"] == 1 / z.size
     view = decode(DepthView, (tmp_path / "evaluation/view/1.json").read_bytes())
-    shown = decoded(view.aligned_z_m, view.size_wh)
+    shown = decode_array(view.aligned_z_m, view.size_wh)
     assert shown[5, 5] == shown.max() == pytest.approx(z.max(), rel=1e-6)
 
 

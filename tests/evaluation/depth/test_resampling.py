@@ -9,10 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.depth.arrays import DepthArray, Space
-from legoworld.evaluation.depth.errors import DepthPredictionError
+from legoworld.evaluation.depth.arrays import DepthArray, DepthPredictionError, Space
 from legoworld.evaluation.depth.family import PIXELS
-from legoworld.evaluation.depth.rows import warp_of
+from legoworld.evaluation.depth.rows import camera_warp
 from legoworld.evaluation.pixels.resampling import bilinear, sampler, size_check
 from legoworld.tracks.colmap import Camera
 
@@ -110,4 +109,4 @@ def test_sizes_that_are_not(size_wh: tuple[int, int], word: str) -> None:
 def test_a_camera_of_another_size_is_refused() -> None:
     camera = Camera(model="PINHOLE", size_wh=(8, 8), params=(8, 8, 4, 4))
     with pytest.raises(ShapeError):
-        warp_of(camera, (4, 4))
+        camera_warp(camera, (4, 4))

@@ -9,14 +9,19 @@ import json
 import numpy as np
 import pytest
 from evaluation.amodal_runs import annotation, decoded, encoded, random_stacks, stacked, star
-from evaluation.detection_runs import checked, read_rows, write_run, write_truth
+from evaluation.detection_runs import (
+    checked,
+    evaluate_detections,
+    read_rows,
+    write_run,
+    write_truth,
+)
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from legoworld.api.coco_export import export
 from legoworld.cli import run as call
-from legoworld.evaluation.detection.amodal_scores import level_of
-from legoworld.evaluation.detection.evaluate import evaluate_detections
+from legoworld.evaluation.detection.amodal_scores import occlusion_level
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.evaluation.detection.inputs.truth_checks import TruthInvalidError
 from legoworld.evaluation.detection.text import short_detections
@@ -42,7 +47,7 @@ def official(truth, predictions, level=None):
         true = COCO()
         true.dataset = json.loads(json.dumps(truth))
         for one in true.dataset["annotations"]:
-            one["level"] = level_of(int(decoded(one["segmentation"]).sum()),
+            one["level"] = occlusion_level(int(decoded(one["segmentation"]).sum()),
                                     int(decoded(one["visible_mask"]).sum()))  # fmt: skip
         true.createIndex()
         found = true.loadRes(json.loads(json.dumps(predictions)))
@@ -74,7 +79,7 @@ def test_every_ap_is_that_of_cocoeval_bit_for_bit(seed, tmp_path):
 
 
 def test_the_bounds_of_occlusion_are_inclusive():
-    assert [level_of(100, v) for v in (100, 99, 75, 74, 0)] == [
+    assert [occlusion_level(100, v) for v in (100, 99, 75, 74, 0)] == [
         "none", "partial", "partial", "heavy", "heavy"
     ]  # fmt: skip
 
@@ -350,7 +355,7 @@ def test_stacks_have_every_kind_of_trouble():
     truth, _ = random_stacks(0)
     areas = [(decoded(a["segmentation"]).sum(), decoded(a["visible_mask"]).sum())
              for a in truth["annotations"]]  # fmt: skip
-    levels = {level_of(int(a), int(v)) for a, v in areas}
+    levels = {occlusion_level(int(a), int(v)) for a, v in areas}
     assert levels == {"none", "partial", "heavy"}
     assert any(v == 0 for _, v in areas)
     assert any(a["iscrowd"] for a in truth["annotations"])

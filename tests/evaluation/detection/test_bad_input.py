@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from evaluation.detection_runs import (
+    evaluate_detections,
     random_predictions,
     random_truth,
     read_rows,
@@ -19,7 +20,6 @@ from pycocotools import mask as coco_mask
 
 from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.inputs.box_formats import check_box_format
 from legoworld.evaluation.detection.inputs.masks import measure_masks, rle_problem
 from legoworld.shipped.catalog import folder

@@ -18,8 +18,8 @@ from strategies import blobs, chunks
 from legoworld.evaluation.detection.inputs.masks import areas_px
 from legoworld.evaluation.detection.matching.chunks import Chunk, Chunks
 from legoworld.evaluation.detection.matching.compiled_matching import (
-    pairs_of_chunk,
-    states_of_chunk,
+    match_chunk_states,
+    pair_chunk,
 )
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.payloads.payload import Overlaps
@@ -28,13 +28,13 @@ from legoworld.evaluation.detection.problem import build_problem
 
 def assert_same(chunk: Chunk, overlaps: Overlaps) -> tuple[np.ndarray, int]:
     """Compiled and reference; (states, pairs) seen, so that a caller knows what it tried."""
-    state = states_of_chunk(chunk, overlaps)
+    state = match_chunk_states(chunk, overlaps)
     expected = reference_matching.states(chunk, overlaps.iou, overlaps.area)
     np.testing.assert_array_equal(state, expected)
     n = 0
     for aware in (True, False):
         found, counted = reference_matching.pairs(chunk, overlaps.iou, class_aware=aware)
-        pairs = pairs_of_chunk(chunk, overlaps, class_aware=aware)
+        pairs = pair_chunk(chunk, overlaps, class_aware=aware)
         columns = pairs.detection.tolist(), pairs.truth.tolist(), pairs.iou.tolist()
         assert list(zip(*columns, strict=True)) == found
         np.testing.assert_array_equal(pairs.counted, counted)

@@ -8,6 +8,7 @@ from collections import Counter
 
 import pytest
 from evaluation.detection_runs import (
+    evaluate_detections,
     random_predictions,
     random_truth,
     read_rows,
@@ -17,7 +18,6 @@ from evaluation.detection_runs import (
 from evaluation.official import evaluate
 
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError
-from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError, check_box_format
 from legoworld.evaluation.detection.text import detection_metrics, notes
 from legoworld.evaluation.metrics import metric_tables

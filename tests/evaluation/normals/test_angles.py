@@ -10,9 +10,9 @@ from hypothesis import example, given, settings, strategies
 
 from legoworld.evaluation.normals.angles import (
     angular_errors,
-    bins_of,
+    bin_errors,
     image_metrics,
-    summed,
+    sum_errors,
 )
 from legoworld.evaluation.normals.arrays import NormalsArray
 from legoworld.evaluation.normals.pooling import MEDIAN, Middle, _is_within, own_fields
@@ -29,7 +29,7 @@ def same_metrics(found, expected):
 
 
 def test_the_six_errors_of_the_specification():
-    metrics = image_metrics(VECTOR, summed(VECTOR), holes=0)
+    metrics = image_metrics(VECTOR, sum_errors(VECTOR), holes=0)
     assert metrics["mean_deg"]["exclude"] == pytest.approx(12.708333, abs=5e-7)
     assert metrics["median_deg"]["exclude"] == 9.375
     assert metrics["rmse_deg"]["exclude"] == pytest.approx(16.401537, abs=5e-7)
@@ -38,7 +38,7 @@ def test_the_six_errors_of_the_specification():
 
 
 def test_a_hole_is_left_out_or_90_degrees_or_in_no_share():
-    metrics = image_metrics(VECTOR, summed(VECTOR), holes=1)
+    metrics = image_metrics(VECTOR, sum_errors(VECTOR), holes=1)
     assert metrics["mean_deg"]["error_90"] == pytest.approx((76.25 + 90) / 7)
     assert metrics["median_deg"] == {"error_90": 11.25, "exclude": 9.375}
     rmse = np.sqrt((np.square(VECTOR).sum() + 8100) / 7)
@@ -50,11 +50,11 @@ def test_a_hole_is_left_out_or_90_degrees_or_in_no_share():
 def pooled_metrics(images, holes, order=1):
     """Images of errors, with holes in the first, as two readings of their arrays pool them."""
     rows = [
-        SimpleNamespace(errors=summed(e), n_valid=len(e) + (0 if k else holes))
+        SimpleNamespace(errors=sum_errors(e), n_valid=len(e) + (0 if k else holes))
         for k, e in enumerate(images)
     ]
     asked = MEDIAN.question(rows)["bins"]
-    answers = [e[np.isin(bins_of(e), asked)] for e in images]
+    answers = [e[np.isin(bin_errors(e), asked)] for e in images]
     options = MEDIAN.conclude(rows, answers[::order])
     return own_fields(rows, rows, Settings(options=options, draws=1, seed=0))["pooled"]
 
@@ -62,9 +62,9 @@ def pooled_metrics(images, holes, order=1):
 @pytest.mark.parametrize("holes", [0, 1, 5])
 def test_pooled_images_are_one_image_of_all_pixels(holes):
     errors = np.random.default_rng(0).uniform(0, 180, 501)
-    whole = image_metrics(errors, summed(errors), holes)
+    whole = image_metrics(errors, sum_errors(errors), holes)
     same_metrics(pooled_metrics(np.split(errors, [1, 200, 201]), holes), whole)
-    same_metrics(pooled_metrics([VECTOR], 0), image_metrics(VECTOR, summed(VECTOR), 0))
+    same_metrics(pooled_metrics([VECTOR], 0), image_metrics(VECTOR, sum_errors(VECTOR), 0))
 
 
 @settings(max_examples=60)
@@ -94,8 +94,8 @@ def test_a_median_lies_in_the_hundredth_that_its_counts_name():
 
 
 def test_counts_are_packed_and_end_with_the_largest_error():
-    assert summed(np.array([0.0, 0.02, 0.02, 0.05])).counts == (1, -1, 2, -2, 1)
-    assert summed(np.array([180.0])).counts == (-18000, 1)
+    assert sum_errors(np.array([0.0, 0.02, 0.02, 0.05])).counts == (1, -1, 2, -2, 1)
+    assert sum_errors(np.array([180.0])).counts == (-18000, 1)
 
 
 def angled(degrees: np.ndarray) -> np.ndarray:

@@ -13,8 +13,7 @@ from legoworld import cli
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.evidence import verify
-from legoworld.evaluation.normals.arrays import Declaration, read_normals
-from legoworld.evaluation.normals.errors import NormalsTruthError
+from legoworld.evaluation.normals.arrays import Declaration, NormalsTruthError, read_normals
 from legoworld.evaluation.normals.text import normals_metrics, short_normals
 from legoworld.evaluation.pixels import evaluate as pixels_evaluate
 from legoworld.files import sha256_of_file
@@ -60,7 +59,7 @@ def test_pixels_are_pooled_and_images_are_averaged(run, truth, tmp_path):
 
 
 def test_two_workers_write_the_same_bytes(run, truth, tmp_path, monkeypatch):
-    monkeypatch.setattr("legoworld.evaluation.pixels.image_tasks._FEW_BYTES", 0)
+    monkeypatch.setattr("legoworld.evaluation.pixels.evaluate._FEW_BYTES", 0)
     evaluate(run, truth, tmp_path / "one")
     evaluate(run, truth, tmp_path / "two", pool=WorkerPool(workers=2))
     files = {p.relative_to(tmp_path / "one") for p in (tmp_path / "one").rglob("*") if p.is_file()}

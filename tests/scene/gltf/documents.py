@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.gltf.snapshot import snapshot_of_glb
+from legoworld.scene.gltf.snapshot import read_glb_snapshot
 from legoworld.scene.instances import group
 from legoworld.scene.labels import resolve_labels
 from legoworld.scene.snapshot import Snapshot
@@ -136,7 +136,7 @@ def png_of_alpha(alpha: Any) -> bytes:
 
 
 def read(glb: bytes, folder: Path = Path("nowhere")) -> Snapshot:
-    return snapshot_of_glb(parse_glb(glb), folder)
+    return read_glb_snapshot(parse_glb(glb), folder)
 
 
 def boxes(

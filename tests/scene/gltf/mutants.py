@@ -12,7 +12,7 @@ from scene.gltf.documents import Document, glb_of, png_of_alpha
 
 from legoworld.errors import LegoWorldError
 from legoworld.scene.gltf.container import parse_glb
-from legoworld.scene.gltf.snapshot import snapshot_of_glb
+from legoworld.scene.gltf.snapshot import read_glb_snapshot
 from legoworld.scene.instances import group
 from legoworld.scene.labels import resolve_labels
 from legoworld.visibility.view import view
@@ -135,7 +135,7 @@ def outcome(data: bytes, folder: Path) -> tuple[str, float]:
     """
     started = time.thread_time()
     try:
-        snapshot = snapshot_of_glb(parse_glb(data), folder)
+        snapshot = read_glb_snapshot(parse_glb(data), folder)
         snapshot.content_sha256()
         grouping = group(snapshot, resolve_labels(snapshot, (), None, None))
         seen = view(snapshot, grouping, (64, 64), threads=1)

@@ -16,10 +16,9 @@ import pytest
 from scene.gltf.documents import Document, boxes, mask, png_of_alpha, read
 
 from legoworld.errors import NoMeshError
-from legoworld.scene.gltf.cutouts import threshold_at_half
+from legoworld.scene.gltf.cutouts import read_alpha, size_wh, threshold_at_half
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import material_alpha, varying_alpha
-from legoworld.scene.gltf.pictures import read_alpha, size_wh
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 
 #: glTF's v points down: (0, 0) is the picture's upper left corner.

@@ -154,14 +154,14 @@ def test_a_picture_that_changes_while_it_is_read_is_no_scene(folder, monkeypatch
     from legoworld.scene.gltf import snapshot as gltf_snapshot
 
     with_picture(folder, np.full((2, 2), 255, np.uint8))
-    original = gltf_snapshot.snapshot_of_glb
+    original = gltf_snapshot.read_glb_snapshot
 
     def replacing(*arguments, **named):
         made = original(*arguments, **named)
         (folder / "leaf.png").write_bytes(png_of_alpha(np.zeros((2, 2), np.uint8)))
         return made
 
-    monkeypatch.setattr(gltf_snapshot, "snapshot_of_glb", replacing)
+    monkeypatch.setattr(gltf_snapshot, "read_glb_snapshot", replacing)
     with pytest.raises(SceneInvalidError, match="changed while it was read"):
         read(folder)
 

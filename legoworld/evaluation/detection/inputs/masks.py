@@ -53,14 +53,13 @@ def union(masks: Sequence[EncodedMask]) -> EncodedMask:
 
 
 def to_pixels(mask: EncodedMask) -> NDArray[np.uint8]:
-    """(H, W) 1 inside a compressed mask."""
-    pixels: NDArray[np.uint8] = _API.decode(mask)
-    return pixels
+    """(H, W) 1 inside a compressed mask, row by row in memory."""
+    return np.ascontiguousarray(_API.decode(mask))
 
 
-def from_pixels(pixels: NDArray[np.uint8]) -> EncodedMask:
-    """The compressed mask of (H, W) pixels."""
-    encoded: EncodedMask = _API.encode(np.asfortranarray(pixels))
+def from_pixels(pixels: NDArray[Any]) -> EncodedMask:
+    """The compressed mask of (H, W) pixels of 0 and 1, or of bool."""
+    encoded: EncodedMask = _API.encode(np.asfortranarray(pixels, np.uint8))
     return encoded
 
 
@@ -135,20 +134,9 @@ def intersection_px(one: EncodedMask, other: EncodedMask) -> int:
     return int(_API.area(_API.merge([one, other], intersect=True)))
 
 
-def decompress_mask(mask: EncodedMask) -> NDArray[np.uint8]:
-    """(H, W) uint8 of a compressed mask: 0 and 1."""
-    return np.ascontiguousarray(_API.decode(mask))
-
-
-def compress_array(mask: NDArray[Any]) -> EncodedMask:
-    """A compressed mask of an (H, W) array of 0 and 1, or of bool."""
-    made: EncodedMask = _API.encode(np.asfortranarray(mask, np.uint8))
-    return made
-
-
 def difference(one: EncodedMask, other: EncodedMask) -> EncodedMask:
     """What of a compressed mask lies outside of another."""
-    return compress_array(decompress_mask(one) > decompress_mask(other))
+    return from_pixels(to_pixels(one) > to_pixels(other))
 
 
 def bounding_box(mask: EncodedMask) -> tuple[float, float, float, float]:

@@ -24,7 +24,7 @@ _P = TypeVar("_P", bound=Scored)
 Ints = NDArray[np.int64]
 #: Advice for a missing key that a results list needs and ground truth lacks.
 _ADD: Final = {
-    "score": "add each detection's confidence; ground truth has none and is not imported",
+    "score": "add each detection's confidence; ground truth has none and is not imported"
 }
 
 
@@ -102,13 +102,7 @@ def check_scores(score: NDArray[Any]) -> None:
     if finite_floats(values) is not None:
         return
     bad = [value for value in values if not is_finite(value)]
-    _refuse(
-        len(bad),
-        len(values),
-        "have no usable score",
-        repr(bad[0])[:60],
-        "a finite number",
-    )
+    _refuse(len(bad), len(values), "have no usable score", repr(bad[0])[:60], "a finite number")
 
 
 def compressed_counts(prediction: MaskPrediction, mask: Rle | None = None) -> str:

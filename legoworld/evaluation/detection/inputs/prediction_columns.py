@@ -12,16 +12,12 @@ from typing import Any, Final, Literal, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.prediction_checks import (
-    compressed_counts,
-)
+from legoworld.evaluation.detection.inputs.prediction_checks import compressed_counts
 from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
 from legoworld.files import Json, canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.predictions import (
     Box,
-    Box3dPrediction,
-    BoxPrediction,
     Corners,
     MaskPrediction,
     Number,
@@ -186,17 +182,10 @@ class GivenColumns:
     n_boxed: int
 
 
-def box_columns(batches: Iterable[Sequence[BoxPrediction]]) -> GivenColumns:
-    """The columns of boxes."""
-    return _number_columns(batches, "bbox")
-
-
-def solid_columns(batches: Iterable[Sequence[Box3dPrediction]]) -> GivenColumns:
-    """The columns of boxes in space."""
-    return _number_columns(batches, "bbox3D")
-
-
-def _number_columns(batches: Iterable[Sequence[Scored]], field: NumberField) -> GivenColumns:
+def number_columns(
+    field: NumberField, batches: Iterable[Sequence[Scored]], _sizes_wh: Sizes
+) -> GivenColumns:
+    """The columns of boxes (BoxPrediction), or of boxes in space (Box3dPrediction)."""
     head, shapes = _Heads(), list[Any]()
     for batch in batches:
         head.add(batch)

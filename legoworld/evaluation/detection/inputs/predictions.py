@@ -50,12 +50,12 @@ class Predictions:
     @property
     def sha256(self) -> str:
         """Hash of the entries as JSON, one line each."""
-        return sha256_of_entries(self.entries)
+        return hash_entries(self.entries)
 
     @property
     def sha256_equally_confident(self) -> str:
         """The same hash for `with_equal_confidence`."""
-        return sha256_of_entries(with_equal_confidence(self).entries)
+        return hash_entries(with_equal_confidence(self).entries)
 
     @property
     def equally_confident(self) -> bool:
@@ -74,11 +74,7 @@ def prediction_type(
 
 
 def check_predictions(
-    batches: Batches,
-    *,
-    run: Run,
-    truth: Truth,
-    protocol: DetectionProtocol,
+    batches: Batches, *, run: Run, truth: Truth, protocol: DetectionProtocol
 ) -> Predictions:
     """Check predictions, batch after batch, against the run's images and the truth's categories.
 
@@ -132,7 +128,7 @@ def check_results(
     )
 
 
-def sha256_of_entries(entries: PredictionColumns) -> str:
+def hash_entries(entries: PredictionColumns) -> str:
     """Hash of entries as JSON, one line each; their text is never in memory as a whole."""
     digest = hashlib.sha256()
     for line in entries.lines():

@@ -22,8 +22,7 @@ from legoworld.evaluation.run import Run
 from legoworld.pluralize import plural, share, word_for
 from legoworld.records.base import RecordError, read_json
 from legoworld.records.run_rows import RunImage
-from legoworld.tracks.dataset_versions import dataset_version
-from legoworld.tracks.vocabulary import Vocabulary, from_json
+from legoworld.tracks.vocabulary import Vocabulary, dataset_version, from_json
 
 
 class TruthMismatchError(LegoWorldError):
@@ -86,7 +85,7 @@ def read_whole_truth(path: Path, protocol: DetectionProtocol) -> Truth:
     return _read(path, protocol, None)
 
 
-def images_of_truth(truth: Truth, image_ids: Collection[int]) -> Truth:
+def select_images(truth: Truth, image_ids: Collection[int]) -> Truth:
     """The truth of some of its images, as if no other were in the file.
 
     TruthMismatchError for an image that it lacks.
@@ -119,7 +118,7 @@ def _read(path: Path, protocol: DetectionProtocol, run: Run | None) -> Truth:
         _check_vocabulary(path, vocabulary, version, run)
     all_images = check_images(str(path), document["images"], repairs)
     if run is not None:
-        images = _images_of_run(path, all_images, run)
+        images = _select_run_images(path, all_images, run)
     else:
         images = [all_images[image_id] for image_id in sorted(all_images)]
     check_image_values(str(path), images, federated=protocol.federated)
@@ -179,7 +178,7 @@ def _check_vocabulary(path: Path, vocabulary: Vocabulary, version: str, run: Run
     )
 
 
-def _images_of_run(path: Path, by_id: Mapping[int, Foreign], run: Run) -> list[Foreign]:
+def _select_run_images(path: Path, by_id: Mapping[int, Foreign], run: Run) -> list[Foreign]:
     """The ground truth's entries of the run's images, by ascending id."""
     unknown = [i for i in run.images if i.image_id not in by_id]
     if unknown:

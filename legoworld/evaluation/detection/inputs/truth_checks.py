@@ -19,11 +19,7 @@ from legoworld.evaluation.detection.inputs.box_formats import (
     check_box_format,
     is_finite,
 )
-from legoworld.evaluation.detection.inputs.masks import (
-    covers,
-    measure_masks,
-    rle_problem,
-)
+from legoworld.evaluation.detection.inputs.masks import covers, measure_masks, rle_problem
 from legoworld.files import Json
 from legoworld.pluralize import plural, share
 from legoworld.readouts.masks import MOST_COORDINATE_PX
@@ -215,11 +211,9 @@ def check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]
     _refuse(name, "annotations", own, lambda a: wrong.get(id(a)), expected)
 
 
-def refuse_annotations(
-    name: str, own: Sequence[Foreign], fault: Fault, expected: str, next_step: str = _CORRECT
-) -> None:
+def refuse_annotations(name: str, own: Sequence[Foreign], fault: Fault, expected: str) -> None:
     """TruthInvalidError with how many annotations have a fault, and the first of them."""
-    _refuse(name, "annotations", own, fault, expected, next_step)
+    _refuse(name, "annotations", own, fault, expected)
 
 
 def _objects(name: str, kind: str, entries: Sequence[Json]) -> Sequence[Foreign]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching.chunks import Chunk
-from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
+from legoworld.evaluation.detection.matching.matched_metrics import Pairs
 from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.problem import Ints
 from legoworld.evaluation.kernels.library import check, library, pointer
@@ -57,17 +57,14 @@ class _RulesStruct(ctypes.Structure):
     ]
 
 
-def states_of_chunk(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
+def match_chunk_states(chunk: Chunk, overlaps: Overlaps) -> NDArray[np.uint8]:
     """(A, T, D) the outcome of a chunk's detections, as in MatchTable."""
     first = chunk.first_detection, chunk.first_truth
-    return states_of_columns(chunk.payload.grid, first, *_columns(chunk, overlaps))
+    return match_columns(chunk.payload.grid, first, *_columns(chunk, overlaps))
 
 
-def states_of_columns(
-    grid: Grid,
-    first: tuple[Ints, Ints],
-    detections: Sequence[Column],
-    truths: Sequence[Column],
+def match_columns(
+    grid: Grid, first: tuple[Ints, Ints], detections: Sequence[Column], truths: Sequence[Column]
 ) -> NDArray[np.uint8]:
     """(A, T, D) the outcome of detections that are given as columns.
 
@@ -84,7 +81,7 @@ def states_of_columns(
     return state
 
 
-def pairs_of_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pairs:
+def pair_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pairs:
     """The one-to-one pairs of a chunk that maximise overlap; within categories, or across them.
 
     Ties (to about nine decimals) are broken by more hits, then by more hits with the correct label.
@@ -107,7 +104,7 @@ def pairs_of_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pa
 
 
 def _columns(chunk: Chunk, overlaps: Overlaps) -> tuple[list[Column], list[Column]]:
-    """The columns of a chunk as `states_of_columns` takes them."""
+    """The columns of a chunk as `match_columns` takes them."""
     d, t = chunk.detections, chunk.truths
     detections: list[Column] = [overlaps.iou, d.category, overlaps.area, d.verified, d.exhaustive]
     return detections, [t.category, t.area, t.ignored, t.crowd]

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.problem import (
-    Floats,
-    Ints,
-    Problem,
-)
+from legoworld.evaluation.detection.problem import Floats, Ints, Problem
 
 #: The outcome of a detection at an area range and a threshold.
 FALSE_POSITIVE, TRUE_POSITIVE, IGNORED = 0, 1, 2

@@ -1,4 +1,8 @@
-"""The score-free numbers that follow from pairs: per image, over all images, over samples."""
+"""Matched IoU, free of scores: one-to-one pairs that maximise total overlap (Kuhn, Hungarian).
+
+And the numbers that follow from pairs: per image, over all images, over samples;
+docs/protocols/coco.md and lvis.md define them.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,29 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.category_threads import category_threads
-from legoworld.evaluation.detection.matching.score_free_pairs import HIT, Pairs
-from legoworld.evaluation.detection.problem import Floats, Ints, Problem
+from legoworld.evaluation.detection.problem import Bools, Floats, Ints, Problem
 from legoworld.records.base import number
 from legoworld.records.evaluation_rows import PairSums
 from legoworld.records.evaluation_summary import Matched
+
+#: A pair at least this good is a true positive of precision and recall.
+HIT: Final = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pairs:
+    """Pairs of a run, or of some of its images, and what they are counted against.
+
+    detection, truth: (P,) positions in its columns; iou: (P,), all above 0; counted: (D,)
+    detections that are answered for: paired at HIT or better, or not forgiven by the official
+    rules (in a crowd, on an ignored instance, category unverified or not exhaustively annotated).
+    """
+
+    detection: Ints
+    truth: Ints
+    iou: Floats
+    counted: Bools
+
 
 #: Columns of MatchedCounts.per_image. quality: pairs above HIT, panoptic quality's own rule.
 _COLUMNS: Final = (

@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.chunks import Chunk, Chunks
-from legoworld.evaluation.detection.matching.compiled_matching import (
-    pairs_of_chunk,
-    states_of_chunk,
-)
-from legoworld.evaluation.detection.matching.score_free_pairs import Pairs
+from legoworld.evaluation.detection.matching.compiled_matching import match_chunk_states, pair_chunk
+from legoworld.evaluation.detection.matching.matched_metrics import Pairs
 from legoworld.evaluation.detection.problem import Problem
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool, map_items
 
@@ -36,15 +33,15 @@ def match_chunk(chunk: Chunk) -> Matches:
     """Match and pair the images of a chunk."""
     overlaps = chunk.payload.overlaps(chunk)
     return Matches(
-        state=states_of_chunk(chunk, overlaps),
-        aware=pairs_of_chunk(chunk, overlaps, class_aware=True),
-        agnostic=pairs_of_chunk(chunk, overlaps, class_aware=False),
+        state=match_chunk_states(chunk, overlaps),
+        aware=pair_chunk(chunk, overlaps, class_aware=True),
+        agnostic=pair_chunk(chunk, overlaps, class_aware=False),
     )
 
 
 def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
     """Only the state, which another ranking of the same predictions changes."""
-    return states_of_chunk(chunk, chunk.payload.overlaps(chunk))
+    return match_chunk_states(chunk, chunk.payload.overlaps(chunk))
 
 
 def match_and_pair(

@@ -13,10 +13,7 @@ from legoworld.evaluation.detection.inputs.masks import (
     difference,
     measure_masks,
 )
-from legoworld.evaluation.detection.inputs.prediction_checks import (
-    compressed_counts,
-    unusable_mask,
-)
+from legoworld.evaluation.detection.inputs.prediction_checks import compressed_counts, unusable_mask
 from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
@@ -32,7 +29,7 @@ from legoworld.records.predictions import AmodalPrediction, Rle
 _NOT_ALL: Final = "predictions scored by their amodal masks alone: not all have a visible_mask"
 
 
-def _given(batches: Iterable[Sequence[AmodalPrediction]], sizes_wh: Sizes) -> GivenColumns:
+def _make_columns(batches: Iterable[Sequence[AmodalPrediction]], sizes_wh: Sizes) -> GivenColumns:
     visible = TextBuilder()
 
     def with_visible() -> Iterator[Sequence[AmodalPrediction]]:
@@ -54,7 +51,7 @@ def _counts(prediction: AmodalPrediction, mask: Rle) -> str:
     return mask.counts if isinstance(mask.counts, str) else compressed_counts(prediction, mask)
 
 
-def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
+def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
     columns, n_empty = MASKS.checked(given, checking)
     if columns.visible is None:
         checking.warnings[_NOT_ALL] = len(columns)
@@ -81,8 +78,8 @@ AMODAL: Final = replace(
     MASKS,
     name="amodal",
     record=AmodalPrediction,
-    given=_given,
-    checked=_checked,
+    given=_make_columns,
+    checked=_check_columns,
     check_shapes=check_amodal,
     outline=_outline,
     document=coco_document,

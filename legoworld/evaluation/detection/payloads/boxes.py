@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -15,11 +15,10 @@ from legoworld.evaluation.detection.inputs.masks import overlaps
 from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
-    Sizes,
-    box_columns,
+    number_columns,
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order
-from legoworld.evaluation.detection.inputs.truth_checks import Foreign, check_boxes
+from legoworld.evaluation.detection.inputs.truth_checks import check_boxes
 from legoworld.evaluation.detection.payloads.payload import (
     Checking,
     Outline,
@@ -34,33 +33,14 @@ if TYPE_CHECKING:
     from legoworld.evaluation.detection.matching.chunks import Chunk
 
 
-def _given(batches: Iterable[Sequence[BoxPrediction]], _sizes_wh: Sizes) -> GivenColumns:
-    return box_columns(batches)
-
-
-def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
+def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
     columns = given.columns
     odd = checking.check_boxes(columns.image_id.tolist(), columns.shape, checking.sizes_wh)
     checking.warnings.update(odd)
     return in_order(columns, checking.order), 0
 
 
-def _check_shapes(
-    _name: str, _annotations: Sequence[Foreign], _images: Mapping[int, Foreign]
-) -> None:
-    """Boxes are checked in every annotation, with its other numbers."""
-
-
-def _check_format(
-    name: str,
-    annotations: Sequence[Foreign],
-    images: Mapping[int, Foreign],
-    repairs: Counter[str],
-) -> None:
-    check_boxes(name, annotations, images, repairs)
-
-
-def _packed(boxes: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+def _pack_boxes(boxes: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     numbers = list(itertools.chain.from_iterable(boxes))
     return np.array(numbers, np.float64).reshape(-1, 4)
 
@@ -85,7 +65,7 @@ def _shape(row: Row, _size_hw: tuple[int, int]) -> list[float]:
     return list(row.bbox or ())
 
 
-def _together(boxes: Sequence[Sequence[float]]) -> list[float]:
+def _enclose_boxes(boxes: Sequence[Sequence[float]]) -> list[float]:
     """The box around boxes."""
     low = np.array(boxes)[:, :2]
     high = low + np.array(boxes)[:, 2:]
@@ -103,14 +83,13 @@ BOXES: Final = Payload(
     grid=PICTURE,
     record=BoxPrediction,
     field="bbox",
-    given=_given,
-    checked=_checked,
-    check_shapes=_check_shapes,
-    check_format=_check_format,
-    packed=_packed,
+    given=partial(number_columns, "bbox"),
+    checked=_check_columns,
+    check_format=check_boxes,
+    packed=_pack_boxes,
     overlaps=_overlaps,
     shape=_shape,
     compared=overlaps,
-    together=_together,
+    together=_enclose_boxes,
     outline=_outline,
 )

@@ -6,7 +6,8 @@ Omni3D's rules of AP3D (Brazil et al., CVPR 2023), as docs/protocols/boxes3d.md 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeGuard, cast
 
 import numpy as np
@@ -20,8 +21,7 @@ from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsI
 from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
-    Sizes,
-    solid_columns,
+    number_columns,
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order
 from legoworld.evaluation.detection.inputs.truth_checks import (
@@ -39,7 +39,7 @@ from legoworld.evaluation.detection.payloads.payload import (
 from legoworld.files import Json
 from legoworld.records.evaluation_view import TrueImage
 from legoworld.records.predictions import Box3dPrediction
-from legoworld.visibility.cuboids import SIGNS, corners_of, edge_vectors, extent_px, lines_px
+from legoworld.visibility.cuboids import SIGNS, cuboid_corners, edge_vectors, extent_px, lines_px
 
 if TYPE_CHECKING:
     from legoworld.evaluation.detection.matching.chunks import Chunk
@@ -66,11 +66,7 @@ def corner_array(boxes: ArrayLike) -> Floats:
     return np.array(boxes, np.float64).reshape(-1, 8, 3)
 
 
-def _given(batches: Iterable[Sequence[Box3dPrediction]], _sizes_wh: Sizes) -> GivenColumns:
-    return solid_columns(batches)
-
-
-def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
+def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
     """A scene's own boxes may lie anywhere; what others made is held to the frame, too."""
     columns = given.columns
     corners = corner_array(columns.shape)
@@ -241,7 +237,7 @@ def _shape(row: Row, _size_hw: tuple[int, int]) -> Any:
     return row.corners
 
 
-def _compared(boxes: ArrayLike, others: ArrayLike, crowd: Sequence[int]) -> Floats:
+def _compare_boxes(boxes: ArrayLike, others: ArrayLike, crowd: Sequence[int]) -> Floats:
     mine, theirs = corner_array(boxes), corner_array(others)
     ious = box_ious(mine, theirs)
     volumes = box_volumes(mine)[:, None]
@@ -250,7 +246,7 @@ def _compared(boxes: ArrayLike, others: ArrayLike, crowd: Sequence[int]) -> Floa
     return np.where(np.array(crowd, bool), inside, ious)
 
 
-def _together(boxes: ArrayLike) -> Any:
+def _enclose_boxes(boxes: ArrayLike) -> Any:
     """The box around boxes, along the first one's axes."""
     corners = corner_array(boxes)
     edges = edge_vectors(corners[0])
@@ -258,7 +254,7 @@ def _together(boxes: ArrayLike) -> Any:
     axes = (edges / np.where(lengths > 0, lengths, 1)[:, None]).T
     along = corners.reshape(-1, 3) @ axes
     low, high = along.min(0), along.max(0)
-    return corners_of(axes @ ((low + high) / 2), axes, high - low)
+    return cuboid_corners(axes @ ((low + high) / 2), axes, high - low)
 
 
 def _outline(row: Row, image: TrueImage) -> Outline:
@@ -277,15 +273,15 @@ BOXES3D: Final = Payload(
     grid=SPACE,
     record=Box3dPrediction,
     field="bbox3D",
-    given=_given,
-    checked=_checked,
+    given=partial(number_columns, "bbox3D"),
+    checked=_check_columns,
     check_shapes=_check_shapes,
     check_format=_check_format,
     packed=corner_array,
     overlaps=_overlaps,
     shape=_shape,
-    compared=_compared,
-    together=_together,
+    compared=_compare_boxes,
+    together=_enclose_boxes,
     outline=_outline,
     document=_document,
     own_ignore=True,

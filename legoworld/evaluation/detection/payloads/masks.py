@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import PICTURE
-from legoworld.evaluation.detection.inputs.caps import without_empty
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
     bounding_box,
@@ -29,9 +26,9 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
     Sizes,
     mask_columns,
 )
-from legoworld.evaluation.detection.inputs.prediction_order import in_order
+from legoworld.evaluation.detection.inputs.prediction_order import in_order, without_empty
 from legoworld.evaluation.detection.inputs.texts import Texts
-from legoworld.evaluation.detection.inputs.truth_checks import Foreign, check_masks
+from legoworld.evaluation.detection.inputs.truth_checks import check_masks
 from legoworld.evaluation.detection.payloads.payload import (
     Checking,
     Outline,
@@ -52,11 +49,7 @@ _UNCOMPRESSED: Final = "masks with uncompressed RLE, compressed before scoring"
 _BOXED: Final = "masks with a bbox, which was left out"
 
 
-def _given(batches: Iterable[Sequence[MaskPrediction]], sizes_wh: Sizes) -> GivenColumns:
-    return mask_columns(batches, sizes_wh)
-
-
-def _checked(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
+def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
     """The masks that are scored, and how many without a pixel were dropped."""
     _check_sizes(given, checking.sizes_wh)
     masks, warnings = in_order(given.columns, checking.order), checking.warnings
@@ -100,15 +93,6 @@ def _areas(entries: PredictionColumns, sizes_wh: Sizes) -> NDArray[np.float64]:
         problem = covers(int(covered[index]), sizes[place[index]])
         raise unusable_mask(int(entries.image_id[index]), int(entries.category_id[index]), problem)
     return areas
-
-
-def _check_format(
-    _name: str,
-    _annotations: Sequence[Foreign],
-    _images: Mapping[int, Foreign],
-    _repairs: Counter[str],
-) -> None:
-    """Run lengths and polygons have one format."""
 
 
 def _overlaps(chunk: Chunk) -> Overlaps:
@@ -158,10 +142,9 @@ MASKS: Final = Payload(
     grid=PICTURE,
     record=MaskPrediction,
     field="segmentation",
-    given=_given,
-    checked=_checked,
+    given=mask_columns,
+    checked=_check_columns,
     check_shapes=check_masks,
-    check_format=_check_format,
     packed=tuple,
     overlaps=_overlaps,
     shape=_shape,

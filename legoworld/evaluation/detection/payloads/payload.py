@@ -69,6 +69,10 @@ class Outline:
     polygons: Sequence[Sequence[float]] | None = None
 
 
+def _no_fault(*_annotations: object) -> None:
+    """Nothing is checked besides what all annotations are: boxes' shapes, the format of masks."""
+
+
 def _as_is(document: Foreign, _name: str) -> Foreign:
     return document
 
@@ -100,14 +104,16 @@ class Payload:
     field: str
     given: Callable[[Iterable[Sequence[Any]], Sizes], GivenColumns]
     checked: Callable[[GivenColumns, Checking], tuple[PredictionColumns, int]]
-    check_shapes: CheckShapes
-    check_format: Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None]
     packed: Callable[[Sequence[Any]], Any]
     overlaps: Callable[[Chunk], Overlaps]
     shape: Callable[[Row, tuple[int, int]], Any]
     compared: Callable[[Any, Any, Sequence[int]], NDArray[np.float64]]
     together: Callable[[Sequence[Any]], Any]
     outline: Callable[[Row, TrueImage], Outline]
+    check_shapes: CheckShapes = _no_fault
+    check_format: Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None] = (
+        _no_fault
+    )
     document: Callable[[Foreign, str], Foreign] = _as_is
     own_ignore: bool = False
     most_pairs: int | None = None

@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS, Grid
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE, MatchTable
 from legoworld.evaluation.detection.problem import Floats
-from legoworld.evaluation.detection.protocols import (
-    DetectionProtocol,
-    Metric,
-)
+from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
 
 Counts = NDArray[np.signedinteger[Any]]
 
@@ -78,7 +75,7 @@ def metric_value(
     return float(defined.mean()) if len(defined) else -1.0
 
 
-def first_reached(n_truths: int) -> NDArray[np.uint8]:
+def recall_steps(n_truths: int) -> NDArray[np.uint8]:
     """How many recall thresholds each true positive reaches first: (n_truths,), 101 in all.
 
     In floating point as the evaluators compare them. Threshold 0, which is reached with none, is

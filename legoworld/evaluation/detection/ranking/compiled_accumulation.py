@@ -95,10 +95,7 @@ def in_lanes(counts: NDArray[np.int32]) -> NDArray[np.uint16]:
 
 
 def resample(
-    ranking: Ranking,
-    laned: NDArray[np.uint16],
-    n_truths: Counts,
-    ranks: Sequence[int | None],
+    ranking: Ranking, laned: NDArray[np.uint16], n_truths: Counts, ranks: Sequence[int | None]
 ) -> tuple[Floats, Counts]:
     """Average precision (T, draws) and true positives below each rank (R, T, draws).
 

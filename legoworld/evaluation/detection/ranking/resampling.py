@@ -65,7 +65,7 @@ def resampled_metrics(
         return {name: sums[name] / np.where(defined[name], defined[name], np.nan) for name in sums}
 
 
-def metrics_of_one_image(
+def single_image_metrics(
     table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
 ) -> set[str]:
     """Metrics whose truth lies in fewer than two images: resampling cannot show their spread."""
@@ -124,11 +124,13 @@ def _category(
     values = {}
     for m in metrics:
         which = grid.thresholds(m.iou)
-        values[m.name] = mean_of_rows((precision if m.kind == "AP" else recall[m.max_rank])[which])
+        values[m.name] = average_thresholds(
+            (precision if m.kind == "AP" else recall[m.max_rank])[which]
+        )
     return values
 
 
-def mean_of_rows(values: Floats) -> Floats:
+def average_thresholds(values: Floats) -> Floats:
     """(n,) mean over thresholds of (T, n), added one after the other whatever n is."""
     mean: Floats = np.add.accumulate(values, axis=0)[-1] / len(values)
     return mean

@@ -21,47 +21,19 @@ from legoworld.evaluation.detection.matching.greedy import (
     MatchTable,
 )
 from legoworld.evaluation.detection.problem import Floats, Ints
-from legoworld.evaluation.detection.ranking.accumulation import (
-    first_reached,
-    mean_precision,
-)
+from legoworld.evaluation.detection.ranking.accumulation import mean_precision, recall_steps
 from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
 from legoworld.evaluation.detection.ranking.random_orders import random_orders
+from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Ties
 
 #: Elements of one block of random orders, to bound memory: part of what a seed means.
 _BLOCK_ELEMENTS: Final = 1 << 21
 
 Steps = NDArray[np.uint8]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TieResult:
-    """AP under random tie orders: mean and standard deviation over `draws`, and its bounds."""
-
-    expected: float
-    sd: float
-    worst: float
-    best: float
-    draws: int
-    seed: int
-    n_tied: int
-
-    def document(self) -> Ties:
-        """As summary.json holds it; None where AP is undefined."""
-        defined = not np.isnan(self.expected)
-        return Ties(
-            expected=self.expected if defined else None,
-            sd=self.sd if defined else None,
-            worst=self.worst if defined else None,
-            best=self.best if defined else None,
-            draws=self.draws,
-            seed=self.seed,
-            n_tied=self.n_tied,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,23 +65,24 @@ class _Ranking:
         return bool(((sizes > 1) | ((sizes > 0) & (self.plain_in > 0))).any())
 
 
-def tie_orders(table: MatchTable, *, draws: int, seed: int) -> TieResult:
-    """AP over all areas under `draws` random orders; NaN when no category has truth."""
+def tie_orders(table: MatchTable, *, draws: int, seed: int) -> Ties:
+    """AP over all areas under `draws` random orders: mean, standard deviation and bounds."""
 
     def category_bounds(_k: int, ranking: _Ranking, n_truths: int) -> Floats:
-        return _bounds(ranking, first_reached(n_truths))
+        return _bounds(ranking, recall_steps(n_truths))
 
     worst, best = _mean_over_categories(table, category_bounds, 2)
     aps = order_aps(table, draws=draws, seed=seed)
     by_category = zip(table.category_slices, table.truths_per_category[0], strict=True)
-    return TieResult(
-        expected=float(aps.mean()),
-        sd=float(aps.std(ddof=1)) if draws > 1 else 0.0,
-        worst=float(worst),
-        best=float(best),
+    known = not np.isnan(aps).any()
+    return Ties(
+        expected=float(aps.mean()) if known else None,
+        sd=(float(aps.std(ddof=1)) if draws > 1 else 0.0) if known else None,
+        worst=number(worst),
+        best=number(best),
         draws=draws,
         seed=seed,
-        n_tied=sum(_n_tied(table.score[rows]) for rows, n_truths in by_category if n_truths),
+        n_tied=sum(_count_tied(table.score[rows]) for rows, n_truths in by_category if n_truths),
     )
 
 
@@ -146,7 +119,7 @@ def _mean_over_categories(
     return total / len(scored) if scored else np.full(n_values, np.nan)
 
 
-def _n_tied(sorted_scores: Floats) -> int:
+def _count_tied(sorted_scores: Floats) -> int:
     """How many stand in runs of several equal ones."""
     edges = np.flatnonzero(np.diff(sorted_scores, prepend=np.nan, append=np.nan) != 0)
     sizes = np.diff(edges)
