@@ -28,6 +28,7 @@ from legoworld.comparison.leaderboard import (
 )
 from legoworld.comparison.standings import with_standings
 from legoworld.evaluation.reconstruction.dataset import read_dataset
+from legoworld.evaluation.reconstruction.evaluate import second_card as second_half
 from legoworld.evaluation.reconstruction.judges import judge_agreement
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.files import canonical_json, refuse_existing, sha256_of_file, write_text
@@ -37,7 +38,7 @@ from legoworld.records.bench_results import JudgesFile, Leaderboard, Parts, Serv
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.run_rows import RunRow
 from legoworld.running.submission import BenchRules, bench_rules
-from legoworld.tasks.shipped import BENCH
+from legoworld.tasks.shipped import BENCH, BENCH_X
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.processors import usable_cores
 
@@ -124,6 +125,7 @@ def bench_serve(
     *,
     root: str | Path | None = None,
     render: bool = True,
+    second_card: bool = False,
     diagnostics: bool = False,
     workers: int | None = None,
     cache: settings.Cache = True,
@@ -134,6 +136,8 @@ def bench_serve(
 
     dataset: with both halves. A line is {"scene": folder, "image_id": number} with an optional
     "id"; the folder is below `root`, by default the working folder. render: False for R alone;
+    second_card: a line's "parts" may be "RX" or "RAX", for LEGO-Bench-X; BenchTruthError for a
+    dataset without private/x.json;
     diagnostics: also the numbers beside R. Every line gets one answer, and an invalid one the
     status "refused".
     """
@@ -141,6 +145,7 @@ def bench_serve(
         Path(dataset),
         Path(root or "."),
         render=render,
+        second_card=second_card,
         diagnostics=diagnostics,
         workers=workers,
         cache=cache,
@@ -177,6 +182,7 @@ def _serving(
     root: Path | None,
     *,
     render: bool,
+    second_card: bool,
     diagnostics: bool,
     workers: int | None,
     cache: settings.Cache,
@@ -184,16 +190,18 @@ def _serving(
     memory_limit_gib: float,
 ) -> tuple[ServeOptions, int]:
     """What all submissions share, and how many workers there are."""
-    bench, count = bench_protocol(), workers or usable_cores()
-    # Other parts of a score, such as a second card's, join here; the last is what is given unasked.
-    rules: dict[Parts, BenchRules] = {
-        "R": bench_rules(bench.card, render=False, noise=False, facts=False)
-    }
-    if render:
-        rules["RA"] = bench_rules(bench.card, render=True, noise=False)
+    bench = bench_protocol(load_card(BENCH_X if second_card else BENCH))
+    count, cases = workers or usable_cores(), read_dataset(dataset / "private")
+    alone = bench_rules(bench.card, render=False, noise=False, facts=False)
+    rendered = bench_rules(bench.card, render=True, noise=False)
+    # The last one is given unasked: never the second card, of which every answer tells something.
+    rules: dict[Parts, BenchRules] = {"RX": alone, "RAX": rendered, "R": alone, "RA": rendered}
+    left_out = {part for part, offered in (("A", render), ("X", second_card)) if not offered}
+    rules = {parts: rule for parts, rule in rules.items() if not left_out & set(parts)}
     options = ServeOptions(
         root=None if root is None else root.absolute(),
-        dataset=read_dataset(dataset / "private"),
+        dataset=cases,
+        second=second_half(cases, bench),
         bench=bench,
         rules=rules,
         diagnostics=diagnostics,
@@ -209,10 +217,14 @@ def bench_score(
 ) -> list[ServeAnswer]:
     """The scores of (scene folder, image id) pairs, in their order. options: of `bench_serve`.
 
-    `root` is "/" unless it is given.
+    `root` is "/" unless it is given. second_card: of each, too.
     """
+    parts = "RAX" if options.get("render", True) else "RX"
+    more = {"parts": parts} if options.get("second_card") else {}
     lines = [
-        canonical_json({"scene": str(Path(scene).absolute()), "image_id": image_id, "id": number})
+        canonical_json(
+            {"scene": str(Path(scene).absolute()), "image_id": image_id, "id": number, **more}
+        )
         for number, (scene, image_id) in enumerate(submissions)
     ]
     answers: list[ServeAnswer] = []

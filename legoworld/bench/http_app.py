@@ -15,6 +15,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, Final
 
+from msgspec.structs import replace
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
@@ -25,7 +26,7 @@ from legoworld.bench.http_options import HttpOptions
 from legoworld.bench.score_worker import REFUSED, Order, ServeOptions
 from legoworld.bench.server import ScoreServer
 from legoworld.files import canonical_json
-from legoworld.records.base import Record, RecordError, canonical, decode
+from legoworld.records.base import UNSET, Record, RecordError, UnsetType, canonical, decode
 from legoworld.records.bench_results import (
     ObjectsAnswer,
     RewardsAnswer,
@@ -34,6 +35,7 @@ from legoworld.records.bench_results import (
     ServeAnswer,
 )
 from legoworld.records.reconstruction import EVALUATOR_ERROR
+from legoworld.records.second_card import XNumbers, XScores
 
 _JSON_BYTES: Final = 1 << 20
 #: Of a refused request, so much is read before it is answered: a client that is still sending
@@ -264,6 +266,7 @@ class ScoreApp:
             S=s,
             reward=r if s is None else s,
             step=step,
+            x=_shown_x(answer.x, step, per_object=self.http.per_object),
         )
         if not self.http.per_object:
             return scalar
@@ -274,6 +277,14 @@ class ScoreApp:
             flags=answer.flags,
             warnings=answer.warnings,
         )
+
+
+def _shown_x(x: XScores | UnsetType, step: float, *, per_object: bool) -> XNumbers | UnsetType:
+    """The second card's rounded numbers, with its objects and facts or alone."""
+    if x is UNSET:
+        return UNSET
+    numbers: dict[str, Any] = {n: _rounded(getattr(x, n), step) for n in XNumbers.__struct_fields__}
+    return replace(x, **numbers) if per_object else XNumbers(**numbers)
 
 
 async def _healthz(_request: Request) -> Response:

@@ -16,6 +16,7 @@ from legoworld.evaluation.reconstruction.case import CaseTask, score_case
 from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchDataset
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.second_card import SecondCard
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import UNSET, RecordError, as_json, decode, to_record
 from legoworld.records.bench_results import Parts, ServeAnswer, ServeRequest
@@ -39,7 +40,8 @@ class ServeOptions:
 
     root: the folder that all scenes named by path lie below; None: only what is sent is scored.
     rules: of each choice of parts that is offered, the last one where a request chooses none;
-    threads: of each worker; unpacking: limits of what is sent.
+    second: the second card's half, where that is offered; threads: of each worker; unpacking:
+    limits of what is sent.
     """
 
     root: Path | None
@@ -50,6 +52,7 @@ class ServeOptions:
     cache: SnapshotCache | None
     limits: Limits
     threads: int
+    second: SecondCard | None = None
     unpacking: UnpackLimits = field(default=UnpackLimits(unpacked_bytes=0))
 
 
@@ -128,15 +131,17 @@ class ScoreWorker:
 
     def _score_scene(self, request: ServeRequest, scene: _Scene) -> ReconstructionRow:
         options = self._options
-        case = options.dataset.cases[request.image_id]
+        case, parts = options.dataset.cases[request.image_id], self._parts(request)
+        x = options.second.images[case.image.id] if options.second and "X" in parts else None
         image = TrackImage(
             id=request.image_id,
             file_name=case.file_name,
             size_wh=case.size_wh,
             scene=scene.path.name,
             hfov_deg=case.image.hfov_deg,
+            probe=x.probe if x else None,
         )
-        row = read_image(image, self._readout(request, scene), self._blender).row
+        row = read_image(image, self._readout(options.rules[parts], scene), self._blender).row
         task = CaseTask(
             run=self._scratch.path,
             row=to_record(BenchRow, as_json(_without_artefacts(row) if scene.lone else row)),
@@ -144,17 +149,19 @@ class ScoreWorker:
             folders=options.dataset.folders,
             protocol=options.bench,
             choices=Choices(diagnostics=options.diagnostics),
+            x=x,
         )
         try:
             return score_case(task)
         finally:
-            for file in (row.surface, row.render):
-                if file is not UNSET:
-                    (self._scratch.path / file.file).unlink(missing_ok=True)
+            for file in row.files:
+                (self._scratch.path / file.file).unlink(missing_ok=True)
 
-    def _readout(self, request: ServeRequest, scene: _Scene) -> ImageOptions:
+    def _parts(self, request: ServeRequest) -> Parts:
+        return list(self._options.rules)[-1] if request.parts is UNSET else request.parts
+
+    def _readout(self, rules: BenchRules, scene: _Scene) -> ImageOptions:
         options = self._options
-        parts = list(options.rules)[-1] if request.parts is UNSET else request.parts
         return ImageOptions(
             scenes=scene.path.parent,
             run=self._scratch.path,
@@ -164,7 +171,7 @@ class ScoreWorker:
             require_frozen=False,
             max_side=None,
             threads=options.threads,
-            bench=options.rules[parts],
+            bench=rules,
         )
 
 
@@ -241,4 +248,5 @@ def _answer(request: ServeRequest, scene: _Scene, row: ReconstructionRow) -> Ser
         validity=row.validity,
         flags=row.flags,
         warnings=row.warnings,
+        x=row.x,
     )

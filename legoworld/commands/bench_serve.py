@@ -45,6 +45,11 @@ def _http_options(
     EXISTING_FOLDER,
 )
 @option("--no-render", "R alone: no Cycles render, no integrity facts.")
+@flag(
+    "--second-card",
+    'Answer LEGO-Bench-X, too, where a request\'s "parts" is RX or RAX: whoever may ask often can '
+    "search for its private offset.",
+)
 @flag("--diagnostics", "Compute the diagnostics beside R, too.")
 @option("--workers")
 @options.cache

@@ -10,6 +10,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_summary import Evaluator, Interval
 from legoworld.records.reconstruction import Flag, ObjectRow, Over
+from legoworld.records.second_card import XNumbers, XScores
 from legoworld.records.submission import Check
 
 
@@ -194,14 +195,14 @@ class JudgesFile(Record, frozen=True, kw_only=True):
     aspects: dict[str, AspectAgreement]
 
 
-#: What of a submission is scored: R alone, or A and S, too.
-Parts = Literal["R", "RA"]
+#: What of a submission is scored: R, A and S with an A, the second card with an X.
+Parts = Literal["R", "RA", "RX", "RAX"]
 
 
 class ServeRequest(Record, frozen=True, kw_only=True):
     """One submission to score. scene: its folder, "" where it is sent; id: given back as it is.
 
-    parts: all that the server offers where it is left out.
+    parts: where it is left out, all that the server offers but the second card.
     """
 
     scene: str
@@ -215,7 +216,7 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
 
     status: ok, the readout's verdict, `refused` for a line that is not a request, or
     `evaluator_error`; V, R, A and S are null for the last two, and A and S with --no-render.
-    validity: the checks of V that were made.
+    validity: the checks of V that were made; x: of the second card, where it is a part.
     """
 
     id: str | int | None
@@ -231,6 +232,7 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
     validity: dict[str, Check] | None
     flags: tuple[Flag, ...]
     warnings: tuple[str, ...]
+    x: XScores | UnsetType = UNSET
 
 
 class ScalarAnswer(Record, frozen=True, kw_only=True):
@@ -250,11 +252,14 @@ class ScalarAnswer(Record, frozen=True, kw_only=True):
     S: float | None
     reward: float | None
     step: float
+    x: XNumbers | UnsetType = UNSET
 
 
 class ObjectsAnswer(ScalarAnswer, frozen=True, kw_only=True):
     """With --per-object: all of a `ServeAnswer` but its path; the objects' numbers are exact."""
 
+    # Narrower than the scalar answer's; no field is ever assigned.
+    x: XScores | UnsetType = UNSET
     objects: tuple[ObjectRow, ...]
     validity: dict[str, Check] | None
     flags: tuple[Flag, ...]

@@ -79,13 +79,11 @@ class Object3D(Record, frozen=True, kw_only=True):
     found: bool
 
 
-class XScores(Record, frozen=True, kw_only=True):
+class XNumbers(Record, frozen=True, kw_only=True):
     """The second card's numbers of one case; zeros where the submission is not valid.
 
     R_x, A_x: null without a second view, A_x also without a render; F3D, found: null where no
-    object is eligible; R_above_empty: null where R_empty is 1. surface_differs: share of the raster
-    where Cycles meets another surface than the kernel, null where it was not asked;
-    unreadable_alpha: materials whose alpha the kernel took as opaque.
+    object is eligible; R_above_empty: null where R_empty is 1.
     """
 
     R_p: float
@@ -95,6 +93,15 @@ class XScores(Record, frozen=True, kw_only=True):
     found: float | None
     R_empty: float
     R_above_empty: float | None
+
+
+class XScores(XNumbers, frozen=True, kw_only=True):
+    """The numbers, each object's, and two facts of the submission.
+
+    surface_differs: share of the raster where Cycles meets another surface than the kernel, null
+    where it was not asked; unreadable_alpha: materials whose alpha the kernel took as opaque.
+    """
+
     objects: tuple[Object3D, ...]
     surface_differs: float | None
     unreadable_alpha: int

@@ -316,3 +316,5 @@ TaskName = Literal[NumberTask, PolicyTask]
 DEFAULT: Final = "coco"
 #: The task of a bench, whose room serves it alone.
 BENCH: Final = "bench"
+#: The task of its second card.
+BENCH_X: Final = "bench-x"

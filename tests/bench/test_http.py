@@ -23,12 +23,18 @@ from legoworld.bench.score_worker import no_score
 from legoworld.bench.server import ScoreServer
 from legoworld.endpoint.listener import PortTakenError
 from legoworld.errors import UsageError
-from legoworld.records.base import decode
-from legoworld.records.bench_results import ServeAnswer, ServeRequest
+from legoworld.records.base import UNSET, decode
+from legoworld.records.bench_results import ObjectsAnswer, ServeAnswer, ServeRequest
+from legoworld.records.second_card import Object3D, XScores
 
 TOKEN = "0123456789abcdef"
 OPTIONS = SimpleNamespace(dataset=SimpleNamespace(cases={1: None, 2: None, 3: None}))
 SCORES = {1: (0.123456, 0.5, 0.311728), 2: (0.7, None, None)}
+SECOND = XScores(
+    R_p=0.123456, R_x=None, A_x=0.987654, F3D=0.5, found=1 / 3, R_empty=0.25123, R_above_empty=-0.3,
+    objects=(Object3D(id=1, eligible=True, f1=0.1234, precision=1.0, recall=0.5, found=False),),
+    surface_differs=0.0123, unreadable_alpha=2,
+)  # fmt: skip
 
 
 def scored(order) -> ServeAnswer:
@@ -41,6 +47,7 @@ def scored(order) -> ServeAnswer:
     return ServeAnswer(
         id=request.id, scene=request.scene, image_id=request.image_id, status="ok", reason=None,
         V=1, R=r, A=a, S=s, objects=(), validity=None, flags=(), warnings=("w",),
+        x=SECOND if request.parts == "RAX" else UNSET,
     )  # fmt: skip
 
 
@@ -123,9 +130,19 @@ def test_scores_are_rounded_and_tell_no_more(running):
     assert running.ask(path="/score?image_id=2").json["reward"] == 0.7
 
 
+def test_the_second_card_s_numbers_are_rounded_and_its_objects_stay(running):
+    found = running.ask(path="/score?image_id=1&parts=RAX").json
+    assert found["x"] == {
+        "R_p": 0.12, "R_x": None, "A_x": 0.99, "F3D": 0.5, "found": 0.33, "R_empty": 0.25,
+        "R_above_empty": -0.3,
+    }  # fmt: skip
+
+
 def test_exact_scores_and_objects_are_options():
     with service(step=0.0, per_object=True) as made:
         found = made.ask().json
+        second = decode(ObjectsAnswer, made.ask(path="/score?image_id=1&parts=RAX").text)
+    assert second.x == SECOND
     assert (found["R"], found["S"], found["warnings"]) == (*SCORES[1][::2], ["w"])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
@@ -11,11 +12,13 @@ import pytest
 from bench.quick_renders import few_samples
 from bench.stage import PROGRAM, picture
 
+import legoworld
 from legoworld import cli
 from legoworld.agents.workspaces import load_trial_setup
 from legoworld.errors import UsageError
+from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.files import sha256_of_file
-from legoworld.records.base import decode
+from legoworld.records.base import canonical, decode
 from legoworld.records.second_card import BenchXFile
 
 MAKE = ["--size", "96x54", "--samples", "2", "--noise-seeds", "0", "-q"]
@@ -60,9 +63,9 @@ def second(made: Path) -> BenchXFile:
     return decode(BenchXFile, (made / "bench" / "private" / "x.json").read_bytes())
 
 
-def rows_of(made: Path, submissions: Path, place: Path) -> dict[str, dict]:
+def rows_of(made: Path, submissions: Path, place: Path, *more: str) -> dict[str, dict]:
     track = made / "bench" / "private" / "x.json"
-    arguments = ["readout", str(submissions), "--task", "bench-x", "--track", str(track)]
+    arguments = ["readout", str(submissions), "--task", "bench-x", "--track", str(track), *more]
     cli.run([*arguments, "-o", str(place / "run"), "--workers", "1", "-q"])
     truth = ["--truth", str(made / "bench" / "private"), "--draws", "10", "-q"]
     assert cli.run(["evaluate", str(place / "run"), *truth, "-o", str(place / "eval")]) == 0
@@ -140,3 +143,73 @@ def test_references_submitted_as_themselves_are_one_and_a_ghost_is_seen_through(
     assert ghost["x"]["surface_differs"] > 0.95
     assert ghost["x"]["unreadable_alpha"] == 1
     assert "surface_not_in_picture" in {flag["kind"] for flag in ghost["flags"]}
+
+
+#: Of an answer and of a row of `evaluate`.
+KEYS = ("R", "A", "S", "objects", "status", "validity", "warnings", "x")
+
+
+def test_served_without_a_render_it_is_that_of_evaluate(made, submissions, tmp_path):
+    """In every bit, of submissions that are right, wrong, not valid and not readable."""
+    placed = {
+        "den__hard__view_00": made / "itself" / "den__easy__view_00",
+        "den__easy__view_00": submissions / "flat_picture",
+        "den__hard__view_01": submissions / "nan",
+        "one__view_00": made / "itself" / "one__view_00",
+    }
+    (tmp_path / "sent").mkdir()
+    for name, place in placed.items():
+        (tmp_path / "sent" / name).symlink_to(place)
+    rows = rows_of(made, tmp_path / "sent", tmp_path, "--no-render")
+    asked = [(tmp_path / "sent" / name, rows[name]["image_id"]) for name in placed]
+    answers = legoworld.bench_score(
+        made / "bench", asked, render=False, second_card=True, diagnostics=True, workers=1
+    )
+    for name, answer in zip(placed, answers, strict=True):
+        found = json.loads(canonical(answer))
+        for key in KEYS:
+            assert found[key] == rows[name][key], (name, key)
+    assert [a.x.R_p == 1.0 for a in answers] == [False, False, False, True]
+    assert answers[0].x.A_x is None
+    assert answers[1].x.R_above_empty < 0
+
+
+def test_served_with_a_render_it_is_that_of_evaluate_and_unasked_it_is_left_out(made, tmp_path):
+    (tmp_path / "sent").mkdir()
+    place = tmp_path / "sent" / "one__view_00"
+    place.symlink_to(made / "ghosts" / "one__view_00")
+    row = rows_of(made, tmp_path / "sent", tmp_path)["one__view_00"]
+    lines = [
+        json.dumps({"scene": str(place), "image_id": row["image_id"], "id": parts, **more})
+        for parts, more in (("RAX", {"parts": "RAX"}), ("", {}))
+    ]
+    answers: dict[str, dict] = {}
+    legoworld.bench_serve(
+        made / "bench",
+        io.BytesIO("\n".join(lines).encode()),
+        lambda answer: answers.update({str(answer.id): json.loads(canonical(answer))}),
+        root="/",
+        second_card=True,
+        diagnostics=True,
+        workers=1,
+    )
+    for key in (*KEYS, "flags"):
+        assert answers["RAX"][key] == row[key], key
+    assert answers["RAX"]["x"]["surface_differs"] > 0.95
+    assert "x" not in answers[""]
+    assert answers[""]["S"] == row["S"]
+
+
+def test_a_server_without_it_refuses_it_and_a_dataset_without_it_is_refused(made, tmp_path):
+    answers: list = []
+    line = json.dumps({"scene": "one", "image_id": 1, "parts": "RX"}).encode()
+    legoworld.bench_serve(made / "bench", io.BytesIO(line), answers.append, render=False)
+    assert (answers[0].status, answers[0].R) == ("refused", None)
+    assert answers[0].reason == "this server gives R alone"
+    for half in ("public", "private"):
+        (tmp_path / half).mkdir()
+        for path in (made / "bench" / half).iterdir():
+            if path.name != "x.json":
+                (tmp_path / half / path.name).symlink_to(path)
+    with pytest.raises(BenchTruthError, match=r"x\.json cannot be read"):
+        legoworld.bench_serve(tmp_path, io.BytesIO(line), answers.append, second_card=True)

@@ -141,7 +141,7 @@ def service(dataset, tmp_path_factory):
     scratch = tmp_path_factory.mktemp("service")
     command = [sys.executable, "-m", "legoworld", "bench", "serve", str(dataset / "bench"),
                "--http", "--port", "0", "--host", "127.0.0.1", "--workers", "2", "--step", "0",
-               "--no-cache",
+               "--no-cache", "--second-card",
                "--per-object", "--queue", "64", "--body-limit", "16", "--unpacked-limit", "32",
                "--root", str(dataset)]  # fmt: skip
     with subprocess.Popen(
@@ -228,6 +228,9 @@ def test_a_blend_alone_has_r_and_no_v(dataset, submissions, service):
     answer = send(service, (hard / "scene.blend").read_bytes(), image_id=3, parts="R")
     assert (answer["V"], answer["R"], answer["status"]) == (None, 1.0, "ok")
     assert not [w for w in answer["warnings"] if w.startswith("not valid")]
+    assert "x" not in answer
+    second = send(service, (hard / "scene.blend").read_bytes(), image_id=3, parts="RX")["x"]
+    assert [second[k] for k in ("R_p", "R_x", "F3D", "R_above_empty", "A_x")] == [1.0] * 4 + [None]
     blend = (submissions / "nan" / "scene.blend").read_bytes()
     answer = send(service, blend, image_id=3, parts="R")
     assert (answer["V"], answer["R"]) == (0, 0.0)
