@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
-
 from legoworld.api.arguments import check_arguments
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, make_limits
 from legoworld.errors import UsageError
+from legoworld.records.base import to_record
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND
 from legoworld.scene.usd_labels import LabelLayer, refuse_missing_usd
@@ -51,4 +50,4 @@ def import_usd(
         )
         output.mkdir(exist_ok=True)
         made.replace(blend)
-    return msgspec.convert(answer, LabelLayer)
+    return to_record(LabelLayer, answer)
