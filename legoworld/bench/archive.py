@@ -134,6 +134,10 @@ def _tar_members(stream: _ShortReads) -> Iterator[_Member]:
             refused = None if plain or info.isdir() else "a link, a device or a sparse file"
             source = archive.extractfile(info) if plain else None
             yield _Member(name=info.name, size=info.size, stream=source, refused=refused)
+        # tarfile ends at a header that is cut off or damaged as at the archive's end.
+        stream.seek(archive.offset)
+        if stream.read(tarfile.BLOCKSIZE).strip(b"\0") or stream.tell() % tarfile.BLOCKSIZE:
+            raise tarfile.ReadError(f"no header at byte {archive.offset}")
 
 
 class _Unpacking:

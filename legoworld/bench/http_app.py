@@ -86,7 +86,7 @@ class ScoreApp:
             try:
                 known = self._knows(request)
                 if not known:
-                    raise RefusedRequestError(401, "a bearer token is needed")
+                    raise RefusedRequestError(401, "the bearer token is missing or another one")
                 return await answer(request)
             except RefusedRequestError as refused:
                 self._counts.refusals[refused.status] += 1
@@ -107,19 +107,18 @@ class ScoreApp:
 
     async def _score(self, request: Request) -> Response:
         begin = time.monotonic()
-        if request.headers.get("content-type", "").startswith("application/json"):
-            line = await self._body(request, _JSON_BYTES)
-            place = self._place()
-            order = Order(line=line)
-        else:
-            line = self._line(request)
-            length = self._length(request, self.http.body_bytes)
-            place = self._place(spool_bytes=max(1, length))
-            try:
+        json = request.headers.get("content-type", "").startswith("application/json")
+        line = b"" if json else self._line(request)
+        length = self._length(request, _JSON_BYTES if json else self.http.body_bytes)
+        place = self._place(spool_bytes=0 if json else max(1, length))
+        try:
+            if json:
+                order = Order(line=await self._body(request, _JSON_BYTES))
+            else:
                 order = Order(line=line, upload=await self._spool(request, place))
-            except BaseException:
-                place.release()
-                raise
+        except BaseException:
+            place.release()
+            raise
         answer = await self._scored(request, order, place, begin)
         status = _STATUS.get(answer.status, 200)
         return _json(self._shown(answer), status, retry_s=1 if status == 503 else None)

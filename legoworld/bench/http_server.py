@@ -64,8 +64,8 @@ def listening(http: HttpOptions) -> Iterator[socket.socket]:
         raise PortTakenError(
             f"{http.host}:{http.port} cannot be listened on",
             found=error.strerror or str(error),
-            expected="a free port of this machine",
-            next_step="pass another --port, or 0 for any",
+            expected="an IPv4 address or name of this machine, and a free port",
+            next_step="pass another --host or --port; --port 0 takes any free one",
         ) from error
     with listener:
         yield listener

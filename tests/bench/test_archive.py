@@ -98,6 +98,10 @@ BAD = {
     "LZMA": zip_of(FILES, method=zipfile.ZIP_LZMA),
     "gzip": b"\x1f\x8b" + bytes(600),
     "half a tar": tar_of({"scene.blend": bytes(9000)})[:5000],
+    "a tar that ends in a header": tar_of({"final.png": b"", "scene.blend": b"x"})[:600],
+    "a tar with a damaged header": tar_of({"a": b"", "scene.blend": b"x"}).replace(
+        b"scene.blend", b"scene_blend"
+    ),
     "half a zip": zip_of(FILES)[:-30],
     "nothing": b"",
     "a picture": b"\x89PNG\r\n\x1a\n" + bytes(600),
@@ -111,6 +115,11 @@ def test_what_is_not_unpacked_says_why(name, tmp_path):
     assert caught.value.found
     assert [p for p in tmp_path.rglob("*") if p.is_symlink()] == []
     assert sum(p.stat().st_size for p in tmp_path.glob("unpacked*/**/*") if p.is_file()) <= 1 << 20
+
+
+def test_a_tar_without_its_last_blocks_is_whole(tmp_path):
+    folder, _ = unpacked(tar_of({"scene.blend": bytes(512)})[:1024], tmp_path)
+    assert (folder / "scene.blend").read_bytes() == bytes(512)
 
 
 def test_an_encrypted_zip_is_refused(tmp_path):

@@ -292,7 +292,7 @@ class Held:
 
 def test_a_full_queue_says_when_to_come_again():
     held = Held()
-    with service(held, queue=2) as made, ThreadPoolExecutor(2) as clients:
+    with service(held, queue=2, receive_s=1.0) as made, ThreadPoolExecutor(2) as clients:
         asked = [clients.submit(made.ask, b"x") for _ in range(2)]
         until(lambda: made.metric("legoworld_queue_taken") == 2)
         full = made.ask(b"y" * (1 << 20))
@@ -300,10 +300,14 @@ def test_a_full_queue_says_when_to_come_again():
         assert int(full.headers["retry-after"]) >= 1
         batch = json.dumps({"query": ["a"], "labels": [1]}).encode()
         assert made.ask(batch, "/rewards").status == 429
+        lines = ["content-type: application/json", "content-length: 9"]
+        with made.raw(made.head(*lines)) as client:  # none of the body
+            answer = b"".join(iter(lambda: client.recv(4096), b""))
+        assert answer.startswith(b"HTTP/1.1 429")
         held.go.set()
         assert [one.result().status for one in asked] == [200, 200]
         assert made.ask().status == 200
-        assert made.metric('legoworld_refusals_total{code="429"}') == 2
+        assert made.metric('legoworld_refusals_total{code="429"}') == 3
 
 
 def test_a_full_disk_budget_is_a_full_queue():
@@ -353,6 +357,13 @@ def test_a_taken_port():
         options = HttpOptions(token=TOKEN, port=other.getsockname()[1])
         with pytest.raises(PortTakenError), listening(options):
             pass
+
+
+@pytest.mark.parametrize("host", ["::1", "nowhere.invalid"])
+def test_a_host_that_cannot_be_listened_on(host):
+    options = HttpOptions(token=TOKEN, host=host, port=0)
+    with pytest.raises(PortTakenError, match="another --host"), listening(options):
+        pass
 
 
 def test_the_token_s_places(tmp_path, monkeypatch):
