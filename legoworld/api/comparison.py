@@ -212,7 +212,7 @@ def _evaluated(
         if truth is None:
             raise UsageError("answers in memory are compared with a truth", expected="truth=")
         check_argument("output", name)
-        if Path(name).name != name or name == _COMPARISON:
+        if Path(name).name != name or name in ("..", _COMPARISON):
             raise UsageError("a side cannot have such a name", found=repr(name))
         made = evaluate(
             side,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any, Final, cast
 from legoworld.api.baselines import baseline_import
 from legoworld.api.scoring import Given
 from legoworld.api.tracks import track_make
+from legoworld.errors import UsageError
 from legoworld.evaluation.family import Picture
 from legoworld.files import canonical_json, sha256_of_text, write_text
 from legoworld.readouts.pixels import PixelFile
@@ -44,11 +46,17 @@ def named_folder(output: str | Path | None) -> tuple[Path, str, Callable[[], Non
 def keep_answers(given: Given, folder: Path, *, name: str, overwrite: bool) -> Kept:
     """Write folder/run, folder/track.json, and folder/truth of arrays. name: of the run.
 
-    Raises as `baseline_import` and `track_make`.
+    Raises as `baseline_import` and `track_make`, and UsageError for a folder of another truth.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    truth, track = _keep_truth(given, folder)
+    source, track = given.truth.source, folder / _TRACK
+    truth = Path(source) if isinstance(source, str | Path) else folder / _TRUTH
     with scratch_folder("legoworld-answers-") as scratch:
+        made = scratch / "made"
+        made.mkdir()
+        _keep_truth(given, made)
+        if not overwrite:
+            _refuse_other(made, folder)
+        shutil.copytree(made, folder, dirs_exist_ok=True)
         answers, stored = scratch / "answers", given.truth.family.stored
         declared: dict[str, Any] = {}
         if stored is None:
@@ -70,14 +78,27 @@ def keep_answers(given: Given, folder: Path, *, name: str, overwrite: bool) -> K
     return Kept(run=folder / _RUN, truth=truth)
 
 
-def _keep_truth(given: Given, folder: Path) -> tuple[Path, Path]:
-    """The ground truth and its track, of the images that are answered."""
+def _refuse_other(made: Path, folder: Path) -> None:
+    """UsageError where the folder has another track or truth under the same names."""
+    for file in sorted(path for path in made.rglob("*") if path.is_file()):
+        there = folder / file.relative_to(made)
+        if there.exists() and there.read_bytes() != file.read_bytes():
+            raise UsageError(
+                f"{folder} holds answers to other images, or another truth",
+                found=there.relative_to(folder).as_posix(),
+                expected="a new folder, or the same images and truth",
+                next_step="choose another folder, or pass overwrite=True",
+            )
+
+
+def _keep_truth(given: Given, folder: Path) -> None:
+    """Write the track of the images that are answered, and a truth that is arrays."""
     held, track = given.truth, folder / _TRACK
     every = given.image_ids is None or {*given.image_ids} == {*held.sizes_wh}
     chosen = None if every else [*map(str, given.image_ids or ())]
     if isinstance(held.source, str | Path):
-        track_make(track, truth=held.source, task=held.task, images=chosen, overwrite=True)
-        return Path(held.source), track
+        track_make(track, truth=held.source, task=held.task, images=chosen)
+        return
     images = tuple(
         ImageInfo(id=i, file_name=f"{i}.png", width=w, height=h)
         for i, (w, h) in sorted(held.sizes_wh.items())
@@ -88,7 +109,6 @@ def _keep_truth(given: Given, folder: Path) -> tuple[Path, Path]:
     write_track(held.task, source, track, chosen=chosen)
     assert held.family.stored is not None
     _keep_arrays(held.family.stored, folder / _TRUTH, held.source, load_track(track).images)
-    return folder / _TRUTH, track
 
 
 def _keep_arrays(

@@ -129,6 +129,31 @@ def test_arrays_evaluate_with_intervals():
     }  # fmt: skip
 
 
+def test_a_folder_of_other_answers_stays_as_it_is(tmp_path):
+    depth = np.linspace(1, 3, 24, dtype=np.float32).reshape(4, 6)
+    pair = {1: depth, 2: depth}
+    legoworld.evaluate(pair, tmp_path, truth=pair, task="eth3d", draws=5)
+    files = [path for path in sorted(tmp_path.rglob("*")) if path.is_file()]
+    before = [path.read_bytes() for path in files]
+    for answers, truth in (({1: depth}, pair), (pair, {1: depth, 2: 2 * depth})):
+        with pytest.raises(UsageError, match="other images, or another truth"):
+            legoworld.evaluate(answers, tmp_path, truth=truth, task="eth3d", draws=5)
+    assert [path.read_bytes() for path in files] == before
+    fewer = legoworld.evaluate(
+        {1: depth}, tmp_path, truth=pair, task="eth3d", draws=5, overwrite=True
+    )
+    assert fewer.coverage.attempted == 1
+
+
+@pytest.mark.parametrize("name", ["..", "a/b", "comparison", "."])
+def test_a_side_s_name_is_a_folder_s(name, tmp_path):
+    depth = {1: np.ones((4, 6), np.float32)}
+    sides = {name: depth, "b": depth}
+    with pytest.raises(UsageError, match="such a name"):
+        legoworld.compare(sides, tmp_path / "in", truth=depth, task="eth3d", draws=5)
+    assert not [*tmp_path.rglob("*.json")]
+
+
 def test_memory_is_evaluated_with_a_truth_of_one_task(views, truth, evaluated):
     with pytest.raises(UsageError, match="of one task"):
         legoworld.evaluate([], truth=TRUTH)
