@@ -175,7 +175,7 @@ def document_of_run(
         raise UsageError(
             f"a run of {source.task} has no boxes or masks",
             expected=f"a run of {', '.join(task.name for task in family_tasks(DETECTION))}",
-            next_step="read depth from the run's own files, one per photo",
+            next_step="docs/exports.md lists the formats of each task",
         )
     if visible and detection_protocol(source.task).payload is not AMODAL:
         raise UsageError(

@@ -98,5 +98,5 @@ def _wrong(run: Run, wanted: str) -> UsageError:
     return UsageError(
         f"a run of {run.task} has no {wanted}",
         expected=f"a run of {wanted}",
-        next_step="pass --format coco, or another of docs/exports.md",
+        next_step="docs/exports.md lists the formats of each task",
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from legoworld.commands import options
-from legoworld.commands.options import off, option
+from legoworld.commands.options import off, option, refuse_given
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import COUNT, EXISTING_FOLDER, FOLDER, FROM_ZERO
 from legoworld.commands.progress import shown_progress
@@ -76,8 +76,10 @@ def make_command(scenes: Path, output: Path, out: Output, **given: Any) -> int:
     """
     from legoworld.api.bench import bench_make
 
-    if given["procedural"] is None and not scenes.is_dir():
-        raise click.BadParameter(f"Directory '{scenes}' does not exist.", param_hint="'SCENES'")
+    if given["procedural"] is None:
+        refuse_given(("count", "assets"), "needs --procedural")
+        if not scenes.is_dir():
+            raise click.BadParameter(f"Directory '{scenes}' does not exist.", param_hint="'SCENES'")
     with shown_progress("scene", quiet=out.quiet) as listener:
         made = bench_make(scenes, output, listener=listener, **given)
     out.show(lambda: _document(made, output), _lines(made, output, verbose=out.verbose))

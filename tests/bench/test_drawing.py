@@ -49,3 +49,11 @@ def test_without_a_seed_the_scenes_must_be_there(tmp_path, capsys):
     out = ["-o", str(tmp_path / "bench")]
     assert cli.run(["bench", "make", str(tmp_path / "none"), *out]) == 2
     assert "none' does not exist" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--count=3", "--assets=."])
+def test_options_of_drawing_need_a_seed(option, tmp_path, capsys):
+    (tmp_path / "scenes").mkdir()
+    command = ["bench", "make", str(tmp_path / "scenes"), "-o", str(tmp_path / "bench"), option]
+    assert cli.run(command) == 2
+    assert "needs --procedural" in capsys.readouterr().err
