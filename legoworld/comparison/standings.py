@@ -131,8 +131,17 @@ def _usages(side: StoredEvaluation) -> list[Usage]:
             usage = to_record(Usage, told or {})
         except RecordError:  # another's provenance.json
             usage = Usage()
-        used += [usage] * made.images
+        used += [usage if _possible(usage) else Usage()] * made.images
     return used + [Usage()] * (side.summary.coverage.attempted - len(used))
+
+
+def _possible(usage: Usage) -> bool:
+    """False for negative numbers and more cached tokens than prompt tokens."""
+    prompt, cached = usage.prompt_tokens, usage.cached_tokens
+    told = (prompt, cached, usage.completion_tokens, usage.cost_usd)
+    if prompt is not None and cached is not None and cached > prompt:
+        return False
+    return not any(number is not None and number < 0 for number in told)
 
 
 def _cost(usages: Sequence[Usage]) -> Cost:

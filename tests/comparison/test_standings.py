@@ -105,6 +105,22 @@ def test_cached_tokens_are_a_part_of_the_prompt():
     assert STANDARD.cost_usd(10, 0, 1) == pytest.approx(18e-6)
 
 
+@pytest.mark.parametrize(
+    "usage",
+    [
+        {**USAGE, "cost_usd": -5.0},
+        {**USAGE, "cached_tokens": 1001},
+        {"prompt_tokens": -1, "completion_tokens": 1},
+    ],
+)
+def test_impossible_usage_of_a_scene_is_no_usage(usage, tmp_path):
+    dataset = write_dataset(tmp_path / "dataset", families=1)
+    run = write_run(tmp_path / "run", dataset, agent={"agent": "a", "model": "m", "usage": usage})
+    evaluate_bench(run, dataset.private, tmp_path / "one", draws=10)
+    (cost,) = bench_table([tmp_path / "one"], tmp_path / "t").standings.costs
+    assert (cost.told, cost.standard_told, cost.frontier) == (0, 0, False)
+
+
 def test_a_single_family_has_ranks_without_intervals(tmp_path):
     dataset = write_dataset(tmp_path / "dataset", families=1)
     run = write_run(tmp_path / "run", dataset, agent={"agent": "a", "model": "m"})
