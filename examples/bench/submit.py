@@ -33,8 +33,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import bmesh
 import bpy
+
+# isort: split
+import bmesh  # it comes with bpy
 from mathutils import Matrix, Vector
 
 DEFAULTS = {"none": 0.0, "camera": 0.1, "scale": 0.02, "delete": 2, "duplicate": 2, "swap": 1,

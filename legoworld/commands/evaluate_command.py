@@ -89,7 +89,6 @@ def command(
     \b
     Examples:
       legoworld evaluate runs/coco --truth instances_val2017.json -o evals/coco
-      legoworld evaluate runs/mine --truth bench/private -o evals/mine
       legoworld evaluate runs --truth coco=instances_val2017.json --truth lvis=lvis.json -o evals
       legoworld evaluate s3://bucket/run --truth lvis_v1_val.json -o s3://private/eval
       legoworld evaluate mine_lm-test.csv --truth bop/lm -o evals/poses

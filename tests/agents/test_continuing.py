@@ -245,7 +245,7 @@ def test_a_continued_trial_has_what_is_left_of_its_time(track: Path, monkeypatch
     monkeypatch.setattr(trial, "run_agent", run_agent)
     monkeypatch.setattr(Session, "start", lambda _: None)
     (row,) = run(made, track / "scenes")
-    assert row.status == "no_scene"
+    assert row.status == ("no_scene" if left_s else "agent_failed")
     assert [order.limits.time_s for order in orders] == left_s
     about = read_trial(track / "scenes" / "room").about
     assert (about.ended, about.continued) == ("itself" if left_s else "time", 1)

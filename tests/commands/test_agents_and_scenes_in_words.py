@@ -68,7 +68,6 @@ def test_an_agent_that_lacks_something_says_what(run: Any, checked: Any) -> None
     assert said.splitlines() == [
         f"codex: {card.about.title}; version not known",
         f"kept from it: {', '.join(HELD.holds)}",
-        f"warning: checked {card.about.checked}",
         "lacks: no login",
         f"lacks: {problem}",
     ]

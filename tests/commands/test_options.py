@@ -18,7 +18,7 @@ from legoworld.commands.options import SHARED, long_name, off, option, together
 SOURCES: Final = sorted(Path(options.__file__).parent.glob("*.py"))
 ROWS: Final = {long_name(names) for names, _, _ in SHARED}
 #: Names that mean something else in each command, and have no type in common.
-OWN: Final = {"--task", "--depth", "--unit", "--scenes", "--root", "--format"}
+OWN: Final = {"--task", "--depth", "--unit", "--scenes", "--root", "--format", "--port"}
 
 
 def declarations() -> Counter[str]:

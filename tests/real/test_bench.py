@@ -229,7 +229,7 @@ def test_a_seed_draws_the_same_cases_again_and_more_of_them_when_asked(real_data
         assert cli.run(["bench", "make", *place, *arguments, *cache]) == 0
     first, second = tree(tmp_path / "first"), tree(tmp_path / "second")
     arrays = [name for name in first if name.endswith((".png", ".npz"))]
-    assert len(arrays) == 6 * 4
+    assert len(arrays) == 6 * 5
     assert {name: first[name] for name in arrays} == {name: second[name] for name in arrays}
     truths = [
         json.loads((tmp_path / name / "private" / "truth.json").read_text("utf-8"))["images"]

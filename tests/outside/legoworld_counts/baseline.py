@@ -9,7 +9,7 @@ from legoworld.baselines.baseline_import import import_images
 from legoworld.baselines.family import BaselineFamily
 from legoworld.errors import CatalogError, SceneMissingError
 from legoworld.files import sha256_of_file
-from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
+from legoworld.records.run_file import ImageRecord, ImageSource, ImportedFrom
 from legoworld.running.image_record import initial_row
 from legoworld_counts.readout import write_counts
 
@@ -29,9 +29,7 @@ def _import(request, source, _options, telling):
         origin = ImageSource(source=ImportedFrom(file=source.name, sha256=sha256))
         return ImageRecord(row=replace(initial_row(image), answer=file), scene=origin)
 
-    telling.total(len(request.track.images))
-    imported = Imported(file=source.name, sha256=sha256)
-    return import_images(request, imported, answer, telling.progress)
+    return import_images(request, source, answer, telling)
 
 
 BASELINE = BaselineFamily(
