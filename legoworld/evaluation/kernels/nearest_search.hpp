@@ -126,7 +126,7 @@ private:
 
     // Of the queries `open`, by the reference point's own depth.
     void count_measured(int64_t *hits, unsigned open) {
-        double distance[kLeaf], z[kLeaf];
+        alignas(64) double distance[kLeaf], z[kLeaf];  // vectors are read of them
         for (int k = 0; k < kLeaf; ++k) {
             const bool none = !(open >> k & 1u) || group_.index[k] == kNone;
             z[k] = asked_.moving == 0.0f || none ? group_.z[k] : told_.depth[group_.index[k]];
