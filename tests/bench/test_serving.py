@@ -256,7 +256,7 @@ def test_killed_workers_and_blenders_lose_no_answer(dataset, service):
 def _descendants(pid: int, name: str) -> list[int]:
     """Processes below one that have a word on their command line."""
     listed = subprocess.run(
-        ["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True
+        ["ps", "-ww", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True
     )
     table = [line.split(None, 2) for line in listed.stdout.splitlines()]
     below = {str(pid)}

@@ -162,7 +162,7 @@ for module in pkgutil.walk_packages(legoworld.__path__, "legoworld."):
         importlib.import_module(module.name)
     except ModuleNotFoundError as error:
         if error.name.split(".")[0] not in (
-            "mcp", "fcl", "ray", "fsspec", "pydantic", "anyio", "starlette", "uvicorn",
+            "mcp", "fcl", "ray", "fsspec", "pydantic", "anyio", "starlette", "uvicorn", "h11",
         ):
             raise
     count += 1
