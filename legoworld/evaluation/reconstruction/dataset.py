@@ -139,6 +139,6 @@ def read_record(kind: type[T], path: Path, expected: str) -> T:
             f"{path} cannot be read",
             found=cause(error),
             expected=expected,
-            next_step="pass the folder that `legoworld bench make` wrote as DATASET/private, with "
-            "DATASET/public beside it",
+            next_step="`legoworld bench make` wrote DATASET/private and DATASET/public beside it: "
+            "`bench serve` takes DATASET, `evaluate --truth` DATASET/private",
         ) from error
