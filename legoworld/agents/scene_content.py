@@ -6,15 +6,12 @@ from collections import Counter
 from typing import Final
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.pluralize import plural
+from legoworld.pluralize import plural, share
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.agents import SceneContent
+from legoworld.running.inspection import label, open_scene
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import SceneFolder
-from legoworld.scene.freeze import checked_artefacts
-from legoworld.scene.instances import group
-from legoworld.scene.labels import resolve_labels
-from legoworld.scene.read_scene import read_scene
 
 _SHOWN: Final = 5
 
@@ -23,22 +20,17 @@ def scene_content(folder: SceneFolder, protocol: Protocol, blender: BlenderProce
     """What scene.blend of a folder holds for a task; its `problem` where it cannot be read."""
     labelled = protocol.task.family.labelled
     try:
-        files = checked_artefacts(folder, require_frozen=False)
-        snapshot = read_scene(
-            folder, source="blend", blender=blender, cache=None, files=files
-        ).snapshot
+        opened = open_scene(folder, source="blend", blender=blender, cache=None)
+        found = label(opened, protocol.vocabulary, protocol.override_property).grouping
     except LegoWorldError as error:
         return SceneContent(labelled=labelled, problem=str(error))
-    vocabulary = protocol.vocabulary
-    labels = resolve_labels(snapshot, (), vocabulary, protocol.override_property)
-    found = group(snapshot, labels)
     named = Counter(i.category.name for i in found.instances if i.category is not None)
     return SceneContent(
         labelled=labelled,
         objects=len(found.instances),
         categories=dict(sorted(named.items())),
         outside_vocabulary=dict(sorted(found.outside_vocabulary.items())),
-        camera="perspective" if snapshot.camera.type == "PERSP" else "orthographic",
+        camera="perspective" if opened.scene.snapshot.camera.type == "PERSP" else "orthographic",
     )
 
 
@@ -49,7 +41,8 @@ def content_sentence(content: SceneContent) -> str:
     objects = plural(content.objects, "object", "objects")
     if content.labelled:
         count = sum(content.categories.values())
-        objects = f"{count} of {objects} labelled{_listed(content.categories)}"
+        objects = f"{share(count, content.objects, 'object', 'objects')} labelled"
+        objects += _listed(content.categories)
         if content.outside_vocabulary:
             names = sorted(content.outside_vocabulary)
             objects += f"; outside the vocabulary: {', '.join(map(repr, names[:_SHOWN]))}"

@@ -102,7 +102,8 @@ def _status(outcome: TrialOutcome) -> tuple[Outcome, str]:
         return "ok", "" if ending.code == 0 else f"the agent: {how}"
     if not record.calls and ending.over is None and ending.code != 0:
         return "agent_failed", f"it called Blender never and ended with {how}; {last}"
-    if how != "exit code 0" and not _model_answered(outcome.trajectory):
+    failed = ending.over is not None or ending.code != 0
+    if failed and not _model_answered(outcome.trajectory):
         return "agent_failed", f"its model never answered: {how}; {last}"
     if not record.checkpoints:
         return "no_scene", f"no call changed the scene; the agent: {how}"

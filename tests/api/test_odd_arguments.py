@@ -58,6 +58,10 @@ ODD: Final[dict[str, tuple[Any, ...]]] = {
     "seed": (-1, True, 1.5, "2", None, NAN),
     **dict.fromkeys(("time_limit_s", "memory_limit_gib"), NO_NUMBERS),
 }
+#: Methods of a view that take arguments.
+METHODS: Final = (
+    "normals", "mask", "panoptic", "semantic", "predictions", "targets", "overlay", "save",
+)  # fmt: skip
 #: What each public function is called with besides.
 CALLS: Final[dict[str, tuple[Callable[..., Any], dict[str, Any]]]] = {
     "open_scene": (legoworld.open_scene, {"folder": COFFEE}),
@@ -102,20 +106,7 @@ def test_an_odd_value_is_an_error_of_ours(
     assert list(tmp_path.iterdir()) == [], "nothing is written before"
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "view",
-        "normals",
-        "mask",
-        "panoptic",
-        "semantic",
-        "predictions",
-        "targets",
-        "overlay",
-        "save",
-    ],
-)
+@pytest.mark.parametrize("name", ["view", *METHODS])
 def test_an_odd_value_of_a_method(
     name: str, scene: legoworld.Scene, view: legoworld.SceneView, tmp_path: Path
 ) -> None:
@@ -142,17 +133,7 @@ def test_a_reader_refuses_odd_scenes_and_sizes() -> None:
 def test_every_argument_of_the_api_is_checked_or_a_switch() -> None:
     functions = [call for call, _ in CALLS.values()]
     functions += [legoworld.Scene.view, legoworld.Reader.read]
-    methods = (
-        "normals",
-        "mask",
-        "panoptic",
-        "semantic",
-        "predictions",
-        "targets",
-        "overlay",
-        "save",
-    )
-    functions += [getattr(legoworld.SceneView, name) for name in methods]
+    functions += [getattr(legoworld.SceneView, name) for name in METHODS]
     names = {p.name: p for f in functions for p in inspect.signature(f).parameters.values()}
     switches = {n for n, p in names.items() if p.default is True or p.default is False}
     unchecked = set(names) - set(CHECKS) - switches
