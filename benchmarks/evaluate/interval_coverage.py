@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from synthetic import coco_like, run_of
 
+from legoworld.comparison.detections import restrict_table
 from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.detection.inputs.prediction_checks import as_predictions
 from legoworld.evaluation.detection.inputs.predictions import (
@@ -53,26 +54,6 @@ def population_table(*, equal: bool) -> MatchTable:
     return match_table(problem, match_states(problem, truth, predictions, IN_PROCESS))
 
 
-def track_table(table: MatchTable, images: np.ndarray) -> MatchTable:
-    """The matches of some images alone."""
-    position = np.full(POPULATION, -1)
-    position[images] = np.arange(len(images))
-    kept, true = position[table.image] >= 0, position[table.truth_image] >= 0
-    return replace(
-        table,
-        image_ids=table.image_ids[images],
-        image=position[table.image[kept]],
-        category=table.category[kept],
-        score=table.score[kept],
-        rank=table.rank[kept],
-        entry=table.entry[kept],
-        state=np.ascontiguousarray(table.state[:, :, kept]),
-        truth_image=position[table.truth_image[true]],
-        truth_category=table.truth_category[true],
-        n_truths=np.ascontiguousarray(table.n_truths[:, true]),
-    )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--equal", action="store_true", help="all scores 1")
@@ -81,7 +62,9 @@ def main() -> None:
     whole = population_table(equal=options.equal)
     random = np.random.default_rng(1)
     tracks = [
-        track_table(whole, np.sort(random.choice(POPULATION, TRACK, replace=False)))
+        restrict_table(
+            whole, np.isin(np.arange(POPULATION), random.choice(POPULATION, TRACK, replace=False))
+        )
         for _ in range(TRACKS)
     ]
     once = np.ones((1, TRACK), np.int32)
