@@ -208,7 +208,7 @@ def _ties(table: MatchTable, shared: Draws, over: Mapping[str, int]) -> Measure:
     """Expected AP over random orders of equally confident predictions."""
     spread = tie_orders(table, draws=shared.draws, seed=shared.seed).spread
     expected, *others = spread or (np.nan,) * 4
-    extra = dict(zip(("sd", "worst", "best"), others, strict=True))
+    extra: dict[str, float] = dict(zip(("sd", "worst", "best"), others, strict=True))
     return Measure(value=expected, samples=None, over=over, extra=extra)
 
 

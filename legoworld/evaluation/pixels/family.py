@@ -91,17 +91,21 @@ class PixelArray(Protocol):
     @property
     def values(self) -> NDArray[Any]:
         """As the file has them."""
+        ...
 
     @property
     def size_wh(self) -> tuple[int, int]:
         """(width, height)."""
+        ...
 
     @property
     def stored(self) -> Stored | None:
         """How its file has it; None for an array of no file."""
+        ...
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
+        ...
 
 
 class TruthFile(Protocol):
@@ -110,10 +114,12 @@ class TruthFile(Protocol):
     @property
     def path(self) -> Path:
         """Of the array."""
+        ...
 
     @property
     def calibration(self) -> tuple[Path, ...]:
         """Further files that it needs."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
