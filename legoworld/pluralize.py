@@ -21,6 +21,12 @@ def share(part: int, total: int, one: str, many: str) -> str:
     return f"{part:,} of {plural(total, one, many)}"
 
 
+def first_few(names: Sequence[str], most: int) -> str:
+    """The first names, and how many more there are: "a, b and 3 more"."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def did_you_mean(word: str, known: Sequence[str]) -> str:
     """A sentence that suggests the nearest known word, after a space; empty without one."""
     import difflib  # only needed for a message

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import legoworld
-from legoworld.pluralize import in_another_folder, plural, share, word_for
+from legoworld.pluralize import first_few, in_another_folder, plural, share, word_for
 
 PACKAGE = Path(legoworld.__file__).parent
 #: A number in an f-string with a plural right behind it: wrong for 1.
@@ -62,3 +62,11 @@ def test_the_same_name_in_another_folder():
     assert in_another_folder("b.jpg", known) == "val2017/b.jpg"
     assert in_another_folder("val2017/b.jpg", known) is None
     assert in_another_folder("d.jpg", known) is None
+
+
+@pytest.mark.parametrize(
+    ("names", "text"),
+    [([], ""), (["a"], "a"), (["a", "b"], "a, b"), (["a", "b", "c"], "a, b and 1 more")],
+)
+def test_the_first_few_names_and_how_many_more(names, text):
+    assert first_few(names, 2) == text

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Final
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.pluralize import plural, share
+from legoworld.pluralize import first_few, plural, share
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.agents import SceneContent
 from legoworld.running.inspection import label, open_scene
@@ -45,8 +45,8 @@ def content_sentence(content: SceneContent) -> str:
         objects += _listed(content.categories)
         if content.outside_vocabulary:
             names = sorted(content.outside_vocabulary)
-            objects += f"; outside the vocabulary: {', '.join(map(repr, names[:_SHOWN]))}"
-            objects += f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+            listed = first_few([repr(name) for name in names], _SHOWN)
+            objects += f"; outside the vocabulary: {listed}"
     return f"{objects}; {content.camera} camera"
 
 

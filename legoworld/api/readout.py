@@ -24,7 +24,7 @@ from legoworld.api.settings import (
     tracks_by_task,
 )
 from legoworld.errors import CatalogError, UsageError
-from legoworld.pluralize import plural
+from legoworld.pluralize import first_few, plural
 from legoworld.readouts.protocol import protocol
 from legoworld.records.base import as_json
 from legoworld.records.folders.read_run import CONFIGURATION, RUN
@@ -311,9 +311,10 @@ def _note_folders_without_scene(scenes: Path, listener: Listener) -> None:
     """Name the folders that a track would have made rows of: here they are no images."""
     bare = folders_without_scene(scenes)
     if bare:
-        shown = ", ".join(bare[:3]) + (f" and {len(bare) - 3} more" if bare[3:] else "")
         held = plural(len(bare), "folder holds", "folders hold")
-        listener.notice(f"{held} files of a scene but no scene.blend or scene.glb: {shown}")
+        listener.notice(
+            f"{held} files of a scene but no scene.blend or scene.glb: {first_few(bare, 3)}"
+        )
 
 
 def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:

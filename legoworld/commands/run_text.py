@@ -11,7 +11,7 @@ import click
 from legoworld.commands import output
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.errors import name_on_line
-from legoworld.pluralize import plural, share
+from legoworld.pluralize import first_few, plural, share
 from legoworld.records.base import UNSET
 from legoworld.tracks.scene_names import Stranger, lower_top
 
@@ -115,10 +115,11 @@ def stranger_lines(strangers: Sequence[Stranger], *, verbose: bool) -> list[str]
     top = lower_top(strangers)
     if top is not None:
         return [f"{folders} no image of the track; did you mean SCENES/{top}?"]
-    shown = strangers if verbose else sorted(strangers, key=lambda s: s.meant is None)[:_SHORT]
+    shown = strangers if verbose else sorted(strangers, key=lambda s: s.meant is None)
     names = [f"{s.folder!r}" + (f" (did you mean {s.meant!r}?)" if s.meant else "") for s in shown]
-    more = f", and {len(strangers) - len(shown)} more" if len(shown) < len(strangers) else ""
-    return [f"{folders} no image of the track: {', '.join(names)}{more}"]
+    return [
+        f"{folders} no image of the track: {first_few(names, len(names) if verbose else _SHORT)}"
+    ]
 
 
 def unlabelled_lines(result: Run) -> list[str]:

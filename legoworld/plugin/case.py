@@ -21,6 +21,7 @@ from legoworld.plugin.open_ledger import OpenLedger, TransactionError
 from legoworld.plugin.remaining_work import standing_requirements
 from legoworld.plugin.state import LiveScene
 from legoworld.plugin.transactions import judge, unknown_names
+from legoworld.pluralize import first_few
 from legoworld.records.base import as_json, canonical, to_record
 from legoworld.records.plugin_ledger import Declaration, Entry, Judgement, TransactionLimits
 from legoworld.records.plugin_requirements import Luminance, Report, Requirement
@@ -250,6 +251,4 @@ class Case(OpenLedger):
 
 def told_changes(edits: Sequence[Change]) -> str:
     """Changes in words, at most five."""
-    shown = [f"{change.entity} ({change.kind})" for change in edits[:5]]
-    more = [f"and {len(edits) - 5} more"] if len(edits) > 5 else []
-    return ", ".join([*shown, *more])
+    return first_few([f"{change.entity} ({change.kind})" for change in edits], 5)

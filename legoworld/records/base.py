@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import copyreg
 import json
 import math
 import re
@@ -33,6 +34,16 @@ __all__ = [
 ]
 
 _T = TypeVar("_T")
+
+
+def _unset() -> UnsetType:
+    return UNSET
+
+
+# msgspec pickles it by name, from the first module in sys.modules that has the name: in another
+# process that may be a script, which cannot be imported there.
+copyreg.pickle(UnsetType, lambda _: (_unset, ()))
+
 #: What can be written as JSON.
 Storable: TypeAlias = "_Plain | Struct | Sequence[Storable] | Mapping[str, Storable]"
 _Plain = bool | int | float | str | UnsetType | None

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import pickle
+import sys
+import types
 
 import pytest
 from hypothesis import given
@@ -125,3 +128,13 @@ def test_what_a_type_ignores_is_checked_where_a_stranger_wrote_it(ignored, found
     assert decode(Whole, text) == Whole(parts=())
     with pytest.raises(RecordError, match=found):
         decode_foreign(Whole, text, levels=9)
+
+
+def test_a_field_left_out_is_pickled_by_a_module_that_every_process_can_import(monkeypatch):
+    """msgspec names the first module that has UNSET, which may be a script."""
+    script = types.ModuleType("a_script")
+    script.UNSET = UNSET
+    monkeypatch.setattr(sys, "modules", {"a_script": script, **sys.modules})
+    pickled = pickle.dumps(UNSET)
+    assert b"a_script" not in pickled
+    assert pickle.loads(pickled) is UNSET

@@ -108,7 +108,7 @@ def test_folders_that_match_nothing_are_counted_and_the_nearest_named_first():
     found = strangers([f"n{i}" for i in range(9)] + ["Coffee"], absent, absent)
     (line,) = stranger_lines(found, verbose=False)
     assert line.startswith("10 folders match no image of the track: 'Coffee' (did you mean 'coff")
-    assert line.endswith(", and 7 more")
+    assert line.endswith(" and 7 more")
     (whole,) = stranger_lines(found, verbose=True)
     assert "'n8'" in whole
     assert stranger_lines([], verbose=True) == []

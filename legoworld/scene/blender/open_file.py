@@ -10,6 +10,7 @@ from typing import Final
 import bpy
 
 from legoworld.errors import MissingLibraryError, UnreadableBlendError
+from legoworld.pluralize import first_few
 from legoworld.scene.blender.dependencies import library_path
 from legoworld.scene.blender.outside_files import (
     font_warnings,
@@ -97,7 +98,7 @@ def _refuse_missing_libraries() -> None:
     if missing:
         raise MissingLibraryError(
             "scene.blend links data that is not there",
-            found=", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if missing[5:] else ""),
+            found=first_few(missing, 5),
             expected="every linked library beside the scene, at its relative path",
             next_step="deliver the libraries too, or make the data local before saving",
         )
