@@ -63,6 +63,8 @@ if TYPE_CHECKING:
     from legoworld.trajectories.api import trajectory_report as trajectory_report
     from legoworld.trajectories.api import trajectory_score as trajectory_score
     from legoworld.trajectories.api import trajectory_show as trajectory_show
+    from legoworld.viewing.view import View as View
+    from legoworld.viewing.view import view as view
     from legoworld.visibility.posed_camera import Camera as Camera
 
 #: Where the names are at home.
@@ -99,6 +101,7 @@ _NAMES = {
     "legoworld.plugin.ledger": "plugin_replay",
     "legoworld.trajectories.api": "trajectory_pick trajectory_report trajectory_score"
     " trajectory_show",
+    "legoworld.viewing.view": "View view",
     "legoworld.visibility.posed_camera": "Camera",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}

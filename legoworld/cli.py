@@ -43,6 +43,7 @@ _COMMANDS = {
     "evidence": "verify the hashes and numbers of an evaluation or a comparison",
     "compare": "compare two evaluations over the same images",
     "report": "write one HTML page of evaluations and comparisons",
+    "view": "watch runs, trials and results in a browser, while they go on",
     "list": "list tasks, datasets, baselines and file formats, or print the authoring guide",
     "demo": "read out, score and report the shipped examples",
     "doctor": "check that this machine has what legoworld needs",

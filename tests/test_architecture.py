@@ -55,6 +55,7 @@ ROOMS = [
     ("api",),
     ("trajectories",),
     ("agents",),
+    ("viewing",),
     ("commands",),
     ("cli", "__main__"),
 ]

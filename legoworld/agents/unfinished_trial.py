@@ -32,6 +32,8 @@ from legoworld.workers.scratch import scratch_folder
 
 _SCRATCH: Final = ".reconstructing-"
 _UNFINISHED: Final = ".unfinished-"
+BEGUN: Final = "begun.json"
+WORKSPACE: Final = "workspace"
 _TRANSCRIPT: Final = "transcript"
 _LOCK: Final = "lock"
 #: A killed run's processes are ended within moments; another run's are not.
@@ -62,7 +64,7 @@ class UnfinishedTrial:
     @property
     def workspace(self) -> Path:
         """The agent's workspace."""
-        return self.folder / "workspace"
+        return self.folder / WORKSPACE
 
     @property
     def agent(self) -> Path:
@@ -76,7 +78,7 @@ class UnfinishedTrial:
 
     def read_begun(self) -> BegunTrial | None:
         """The trial that was started here earlier; None in a new folder."""
-        return _read(self.folder / "begun.json", BegunTrial)
+        return _read(self.folder / BEGUN, BegunTrial)
 
     def read_ended(self) -> EndedAgent | None:
         """How the agent ended; None if it has not ended."""
@@ -84,7 +86,7 @@ class UnfinishedTrial:
 
     def note_begun(self, begun: BegunTrial) -> None:
         """Keep whose trial it is."""
-        write_text(self.folder / "begun.json", readable(begun))
+        write_text(self.folder / BEGUN, readable(begun))
 
     def note_ended(self, ended: EndedAgent) -> None:
         """Keep how the agent ended."""
@@ -167,7 +169,7 @@ def unfinished_folder(scenes: Path, image: TrackImage) -> Path:
 
 def mark_finished(unfinished: UnfinishedTrial) -> None:
     """Mark the scene folder as published, so that the leftovers can be deleted."""
-    (unfinished.folder / "begun.json").unlink(missing_ok=True)
+    (unfinished.folder / BEGUN).unlink(missing_ok=True)
 
 
 def remove_finished(scenes: Path, image: TrackImage) -> None:

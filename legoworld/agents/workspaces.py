@@ -34,7 +34,7 @@ _OF_MODULES: Final[dict[Module, str]] = {
     " edit of a scene that stands already.",
     "records": "history and review show what was done and measured.",
 }
-_REFERENCE: Final = "reference"
+REFERENCE: Final = "reference"
 PUBLIC: Final = "task.json"
 PROMPT: Final = "prompt.md"
 
@@ -153,7 +153,7 @@ def plan_workspace(
     photo = find_photo(work.photos, image)
     if photo is None:
         return None
-    copy = folder / f"{_REFERENCE}{photo.suffix.lower()}"
+    copy = folder / f"{REFERENCE}{photo.suffix.lower()}"
     entry = _public(work, image)
     fov = entry.get("hfov_deg")
     prompt = work.template.format(

@@ -169,7 +169,7 @@ def serve_bench_http(
     root: None for only what is sent. say: told the address, and why a scoring failed.
     InstallationError without the extra `serve`.
     """
-    require_http()
+    require_http("bench serve --http")
     from legoworld.bench.http_server import serve_http
 
     serving, count = _serving(dataset, root, **given)

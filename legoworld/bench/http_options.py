@@ -60,14 +60,14 @@ def access_token(file: Path | None) -> tuple[str, bool]:
     return token, False
 
 
-def require_http() -> None:
-    """InstallationError without the extra that the HTTP server needs."""
+def require_http(what: str) -> None:
+    """InstallationError without the extra that an HTTP server needs. what: such as "view"."""
     try:
         import starlette  # noqa: F401
         import uvicorn  # noqa: F401
     except ImportError as error:
         raise InstallationError(
-            "`bench serve --http` needs a package that is not installed",
+            f"`{what}` needs a package that is not installed",
             found=str(error),
             expected="the extra `serve`",
             next_step=extras.install_command("serve"),

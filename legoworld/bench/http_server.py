@@ -12,6 +12,7 @@ from typing import Final
 
 import h11
 import uvicorn
+from starlette.applications import Starlette
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from legoworld.bench.http_app import ScoreApp
@@ -33,15 +34,16 @@ def serve_http(
     A second SIGINT ends it at once. say: told the address, and why a scoring failed.
     PortTakenError.
     """
-    with listening(http) as listener, ScoreServer(options, workers) as server:
+    with listening(http.host, http.port) as listener, ScoreServer(options, workers) as server:
         say(f"listening on http://{http.host}:{listener.getsockname()[1]}")
-        http_server(ScoreApp(server, options, http, say)).run(sockets=[listener])
+        app = ScoreApp(server, options, http, say)
+        http_server(app.asgi(), connections=2 * http.queue + 64).run(sockets=[listener])
 
 
-def http_server(app: ScoreApp) -> uvicorn.Server:
+def http_server(app: Starlette, *, connections: int) -> uvicorn.Server:
     """A server of the app that is not started yet."""
     config = uvicorn.Config(
-        app.asgi(),
+        app,
         http=_Protocol,
         ws="none",
         lifespan="off",
@@ -49,23 +51,23 @@ def http_server(app: ScoreApp) -> uvicorn.Server:
         access_log=False,
         server_header=False,
         timeout_keep_alive=_KEEP_ALIVE_S,
-        limit_concurrency=2 * app.http.queue + 64,
+        limit_concurrency=connections,
         h11_max_incomplete_event_size=_HEADER_BYTES,
     )
     return _Server(config)
 
 
 @contextmanager
-def listening(http: HttpOptions) -> Iterator[socket.socket]:
+def listening(host: str, port: int) -> Iterator[socket.socket]:
     """The socket, until the block ends. PortTakenError."""
     try:
-        listener = socket.create_server((http.host, http.port), backlog=1024)
+        listener = socket.create_server((host, port), backlog=1024)
     except OSError as error:
         raise PortTakenError(
-            f"{http.host}:{http.port} cannot be listened on",
+            f"{host}:{port} cannot be listened on",
             found=error.strerror or str(error),
             expected="an IPv4 address or name of this machine, and a free port",
-            next_step="pass another --host or --port; --port 0 takes any free one",
+            next_step="choose another host or port; --port 0 takes any free one",
         ) from error
     with listener:
         yield listener

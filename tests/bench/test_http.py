@@ -101,10 +101,14 @@ def service(answer=scored, workers=1, **given):
     options = HttpOptions(token=TOKEN, port=0, **given)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(processes, "TaskProcess", Worker)
-        with listening(options) as listener, ScoreServer(None, workers) as server:
+        with (
+            listening(options.host, options.port) as listener,
+            ScoreServer(None, workers) as server,
+        ):
             app = ScoreApp(server, OPTIONS, options, told.append)
             made = Service(app, listener.getsockname()[1], told)
-            made.server, made.scratch = http_server(app), server.scratch
+            made.server = http_server(app.asgi(), connections=2 * options.queue + 64)
+            made.scratch = server.scratch
             thread = threading.Thread(target=made.server.run, args=([listener],))
             thread.start()
             try:
@@ -354,15 +358,14 @@ def _refuses(port: int) -> bool:
 
 def test_a_taken_port():
     with socket.create_server(("127.0.0.1", 0)) as other:
-        options = HttpOptions(token=TOKEN, port=other.getsockname()[1])
-        with pytest.raises(PortTakenError), listening(options):
+        port = other.getsockname()[1]
+        with pytest.raises(PortTakenError), listening("127.0.0.1", port):
             pass
 
 
 @pytest.mark.parametrize("host", ["::1", "nowhere.invalid"])
 def test_a_host_that_cannot_be_listened_on(host):
-    options = HttpOptions(token=TOKEN, host=host, port=0)
-    with pytest.raises(PortTakenError, match="another --host"), listening(options):
+    with pytest.raises(PortTakenError, match="another host"), listening(host, 0):
         pass
 
 

@@ -94,6 +94,20 @@ def journal_records(folder: Path) -> tuple[list[ImageRecord], int]:
     return good, len(records) - len(good)
 
 
+def rows_after(folder: Path, at: int) -> tuple[list[RunRow], int]:
+    """The rows of a journal's whole lines from byte `at` on, and where the last of them ends.
+
+    The run may be writing it. A journal that is gone or shorter has been begun anew: OSError.
+    """
+    with (folder / JOURNAL).open("rb") as stream:
+        if stream.seek(0, os.SEEK_END) < at:
+            raise OSError(f"{JOURNAL} is shorter than {at} bytes")
+        stream.seek(at)
+        lines = [line for line in stream if line.endswith(b"\n")]
+    records = [_record_in(line) for line in lines]
+    return [record.row for record in records if record], at + sum(map(len, lines))
+
+
 def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]]:
     """The predictions of the records at these places of the journal, as canonical JSON each.
 

@@ -1,0 +1,262 @@
+"""What lies below a folder at this moment: runs and trials, also unfinished ones, and results.
+
+Nothing is written, and nothing is kept open. A program may be writing what is read here: what is
+half written is read again at the next look.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Final, Literal
+
+from legoworld.agents.unfinished_trial import BEGUN, WORKSPACE, UnfinishedTrial
+from legoworld.agents.workspaces import REFERENCE
+from legoworld.beneath import Beneath, RefusedFileError
+from legoworld.comparison.folder import COMPARISON, read_comparison
+from legoworld.comparison.tables import list_comparisons
+from legoworld.endpoint.trial_record import CALLS
+from legoworld.errors import LegoWorldError, cause, one_line
+from legoworld.records.agents import ReconstructionFile
+from legoworld.records.base import Record, RecordError, decode
+from legoworld.records.folders.read_evaluation import EVIDENCE, read_summary
+from legoworld.records.folders.read_run import CONFIGURATION, RUN, SUMMARY, recorded_configuration
+from legoworld.records.folders.run_journal import rows_after
+from legoworld.records.run_file import RunSummary
+from legoworld.records.run_rows import RunRow
+from legoworld.scene.folder import PICTURE
+from legoworld.trajectories.folder import RECONSTRUCTION, TRIAL
+
+#: Rows of one folder that are shown, the newest; folders that are looked into.
+_MOST_ROWS: Final = 60
+_MOST_FOLDERS: Final = 20_000
+_DEEPEST: Final = 5
+#: The files that tell what a folder is; below such a folder is nothing of its own.
+_TELLING: Final = {COMPARISON, CONFIGURATION, RUN, EVIDENCE, RECONSTRUCTION, BEGUN}
+PICTURES: Final = (".png", ".jpg", ".jpeg", ".webp")
+Kind = Literal["run", "evaluation", "comparison", "trials"]
+
+
+class WatchedRow(Record, frozen=True, kw_only=True):
+    """An image of a run, or a trial. picture: its path below the folder that is watched."""
+
+    name: str
+    status: str
+    note: str = ""
+    picture: str | None = None
+
+
+class Watched(Record, frozen=True, kw_only=True):
+    """A folder of one kind. name: its path below the folder that is watched.
+
+    done, of: images or trials, `of` null where their number is not known; rows: the newest first;
+    page: whether there is one of it, not of a run, which nothing has scored; problem: why the
+    folder cannot be read.
+    """
+
+    name: str
+    kind: Kind
+    task: str = ""
+    finished: bool = True
+    done: int = 0
+    of: int | None = None
+    statuses: Mapping[str, int] = {}
+    rows: tuple[WatchedRow, ...] = ()
+    page: bool = False
+    problem: str | None = None
+
+
+class WatchedState(Record, frozen=True, kw_only=True):
+    """All that is there now, by name. left_out: whether more folders are there than looked into."""
+
+    folder: str
+    sources: tuple[Watched, ...]
+    left_out: bool
+
+
+@dataclass(kw_only=True)
+class _Journal:
+    """As much of an unfinished run's journal as was read."""
+
+    at: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    newest: list[RunRow] = field(default_factory=list)
+
+
+class Watch:
+    """Looks at a folder again and again; what has not changed is not read twice."""
+
+    def __init__(self, top: Path) -> None:
+        self.top = top.resolve()
+        self._journals: dict[Path, _Journal] = {}
+        self._read: dict[Path, tuple[tuple[int, ...], Watched]] = {}
+
+    def look(self) -> WatchedState:
+        """What is there now."""
+        walked = list(islice(_walk(self.top), _MOST_FOLDERS + 1))
+        found: list[Watched] = []
+        trials: dict[Path, list[tuple[Path, bool]]] = {}
+        for folder, files in walked[:_MOST_FOLDERS]:
+            if RECONSTRUCTION in files or BEGUN in files:
+                trials.setdefault(folder.parent, []).append((folder, RECONSTRUCTION in files))
+            elif read := next((read for name, read in self._kinds() if name in files), None):
+                found.append(read(folder))
+        found += [self._trials(folder, inside) for folder, inside in trials.items()]
+        found.sort(key=lambda one: one.name)
+        return WatchedState(
+            folder=self.top.name, sources=tuple(found), left_out=len(walked) > _MOST_FOLDERS
+        )
+
+    def _kinds(self) -> Sequence[tuple[str, Callable[[Path], Watched]]]:
+        """The file that tells what a folder is, and how such a folder is read; the first counts."""
+        return (
+            (COMPARISON, lambda folder: self._unchanged(folder / COMPARISON, self._comparison)),
+            (CONFIGURATION, self._unfinished_run),
+            (RUN, lambda folder: self._unchanged(folder / SUMMARY, self._run)),
+            (EVIDENCE, lambda folder: self._unchanged(folder / SUMMARY, self._evaluation)),
+        )
+
+    def _unchanged(self, path: Path, read: Callable[[Path], Watched]) -> Watched:
+        """What was read of a folder, while the file that tells of it is the same."""
+        try:
+            status = path.stat()
+            signature = (status.st_ino, status.st_size, status.st_mtime_ns)
+            known = self._read.get(path)
+            if known is None or known[0] != signature:
+                known = self._read[path] = (signature, read(path.parent))
+        except (OSError, RecordError, LegoWorldError) as error:
+            return Watched(name=self._name(path.parent), kind="run", problem=_reason(error))
+        return known[1]
+
+    def _comparison(self, folder: Path) -> Watched:
+        document = read_comparison(folder / COMPARISON)
+        tasks = [one.task for one in list_comparisons(document)]
+        return Watched(name=self._name(folder), kind="comparison", task=", ".join(tasks), page=True)
+
+    def _run(self, folder: Path) -> Watched:
+        summary = decode(RunSummary, (folder / SUMMARY).read_bytes())
+        cover = summary.coverage
+        return Watched(
+            name=self._name(folder), kind="run", task=summary.task, done=cover.attempted,
+            of=cover.attempted, statuses=cover.by_status,
+        )  # fmt: skip
+
+    def _evaluation(self, folder: Path) -> Watched:
+        summary = read_summary(folder)
+        cover = summary.coverage
+        return Watched(
+            name=self._name(folder), kind="evaluation", task=summary.task, done=cover.scored,
+            of=cover.attempted, statuses=cover.by_status, page=True,
+        )  # fmt: skip
+
+    def _unfinished_run(self, folder: Path) -> Watched:
+        journal = self._journals.setdefault(folder, _Journal())
+        try:
+            configuration = recorded_configuration(folder)
+            rows, journal.at = rows_after(folder, journal.at)
+        except (OSError, LegoWorldError) as error:
+            self._journals.pop(folder)
+            if not isinstance(error, FileNotFoundError):
+                return Watched(name=self._name(folder), kind="run", problem=_reason(error))
+            configuration, rows = recorded_configuration(folder), []
+        journal.statuses.update(row.status for row in rows)
+        journal.newest = [*journal.newest, *rows][-_MOST_ROWS:]
+        return Watched(
+            name=self._name(folder),
+            kind="run",
+            task=configuration.task if configuration else "",
+            finished=False,
+            done=journal.statuses.total(),
+            of=configuration.attempted if configuration else None,
+            statuses=dict(sorted(journal.statuses.items())),
+            rows=tuple(
+                WatchedRow(name=row.file_name, status=row.status, note=one_line(row.reason or ""))
+                for row in reversed(journal.newest)
+            ),
+        )
+
+    def _trials(self, folder: Path, inside: Iterable[tuple[Path, bool]]) -> Watched:
+        ended: list[WatchedRow] = []
+        going: list[WatchedRow] = []
+        for one, finished in sorted(inside):
+            (ended if finished else going).append(self._trial(one, finished=finished))
+        statuses = Counter(row.status for row in [*going, *ended])
+        return Watched(
+            name=self._name(folder),
+            kind="trials",
+            finished=not going,
+            done=len(ended),
+            page=bool(ended),
+            statuses=dict(sorted(statuses.items())),
+            rows=(*going, *reversed(ended))[:_MOST_ROWS],
+        )
+
+    def _trial(self, folder: Path, *, finished: bool) -> WatchedRow:
+        if not finished:
+            return self._running_trial(folder)
+        try:
+            about = decode(ReconstructionFile, (folder / RECONSTRUCTION).read_bytes())
+        except (OSError, RecordError) as error:
+            return WatchedRow(name=folder.name, status="unreadable", note=_reason(error))
+        picture = self._name(folder / PICTURE) if (folder / PICTURE).is_file() else None
+        return WatchedRow(
+            name=about.scene, status=about.status, note=one_line(about.reason), picture=picture
+        )
+
+    def _running_trial(self, folder: Path) -> WatchedRow:
+        unfinished = UnfinishedTrial(folder=folder, stays=True)
+        begun = unfinished.read_begun()
+        calls = _lines(unfinished.scene_folder / TRIAL / CALLS)
+        newest = _newest_picture(folder)
+        return WatchedRow(
+            name=begun.scene if begun else folder.name,
+            status="ending" if unfinished.read_ended() else "running",
+            note=f"{begun.agent}, calls so far: {calls}" if begun else "",
+            picture=self._name(folder / newest) if newest else None,
+        )
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self.top).as_posix()
+
+
+def _walk(top: Path) -> Iterator[tuple[Path, set[str]]]:
+    """The folders below one, itself first, with their files' names; no link is followed."""
+    for folder, below, files in os.walk(top):
+        here = Path(folder)
+        deep = len(here.relative_to(top).parts) >= _DEEPEST
+        whole = deep or not _TELLING.isdisjoint(files)
+        below[:] = [] if whole else sorted(filter(_is_looked_into, below))
+        yield here, {*files}
+
+
+def _is_looked_into(name: str) -> bool:
+    return not name.startswith(".") or name.startswith(".unfinished-")
+
+
+def _newest_picture(folder: Path) -> str | None:
+    """The picture that an agent wrote last into its workspace, which it may be changing."""
+    found: list[tuple[int, str]] = []
+    try:
+        with Beneath(folder) as beneath:
+            for name in beneath.names(WORKSPACE):
+                if name.lower().endswith(PICTURES) and Path(name).stem != REFERENCE:
+                    status = beneath.status(f"{WORKSPACE}/{name}")
+                    found += [(status.st_mtime_ns, name)] if status else []
+    except (OSError, RefusedFileError):
+        return None
+    return f"{WORKSPACE}/{max(found)[1]}" if found else None
+
+
+def _lines(path: Path) -> int:
+    try:
+        return path.read_bytes().count(b"\n")
+    except OSError:
+        return 0
+
+
+def _reason(error: Exception) -> str:
+    return one_line(str(error) if isinstance(error, LegoWorldError) else cause(error))
