@@ -114,6 +114,7 @@ MOST_LINES = {
     "track_making": 1050,
     "tracks": 850,
     "trajectories": 2200,
+    "viewing": 600,
     "visibility": 2250,
     "workers": 2350,
 }

@@ -22,13 +22,21 @@ from legoworld.comparison.tables import list_comparisons
 from legoworld.endpoint.trial_record import CALLS
 from legoworld.errors import LegoWorldError, cause, one_line
 from legoworld.records.agents import ReconstructionFile
-from legoworld.records.base import Record, RecordError, decode
+from legoworld.records.base import Record, RecordError, decode, decode_lines
+from legoworld.records.evaluation_summary import Summary
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_summary
-from legoworld.records.folders.read_run import CONFIGURATION, RUN, SUMMARY, recorded_configuration
-from legoworld.records.folders.run_journal import rows_after
-from legoworld.records.run_file import RunSummary
+from legoworld.records.folders.read_run import (
+    CONFIGURATION,
+    ROWS,
+    RUN,
+    SUMMARY,
+    recorded_configuration,
+)
+from legoworld.records.folders.run_journal import JOURNAL, rows_after
+from legoworld.records.run_file import RunHead
 from legoworld.records.run_rows import RunRow
 from legoworld.scene.folder import PICTURE
+from legoworld.tables.table import Number
 from legoworld.trajectories.folder import RECONSTRUCTION, TRIAL
 
 #: Rows of one folder that are shown, the newest; folders that are looked into.
@@ -54,8 +62,8 @@ class Watched(Record, frozen=True, kw_only=True):
     """A folder of one kind. name: its path below the folder that is watched.
 
     done, of: images or trials, `of` null where their number is not known; rows: the newest first;
-    page: whether there is one of it, not of a run, which nothing has scored; problem: why the
-    folder cannot be read.
+    page: whether there is one of it, not of a run, which nothing has scored; result: the first
+    metric of an evaluation; problem: why the folder cannot be read.
     """
 
     name: str
@@ -67,6 +75,7 @@ class Watched(Record, frozen=True, kw_only=True):
     statuses: Mapping[str, int] = {}
     rows: tuple[WatchedRow, ...] = ()
     page: bool = False
+    result: str = ""
     problem: str | None = None
 
 
@@ -116,7 +125,7 @@ class Watch:
         return (
             (COMPARISON, lambda folder: self._unchanged(folder / COMPARISON, self._comparison)),
             (CONFIGURATION, self._unfinished_run),
-            (RUN, lambda folder: self._unchanged(folder / SUMMARY, self._run)),
+            (RUN, lambda folder: self._unchanged(folder / RUN, self._run)),
             (EVIDENCE, lambda folder: self._unchanged(folder / SUMMARY, self._evaluation)),
         )
 
@@ -138,31 +147,40 @@ class Watch:
         return Watched(name=self._name(folder), kind="comparison", task=", ".join(tasks), page=True)
 
     def _run(self, folder: Path) -> Watched:
-        summary = decode(RunSummary, (folder / SUMMARY).read_bytes())
-        cover = summary.coverage
+        """A run that has ended, with the rows that are not ok."""
+        rows = decode_lines(RunRow, (folder / ROWS).read_bytes())
+        configuration = decode(RunHead, (folder / RUN).read_bytes()).configuration
         return Watched(
-            name=self._name(folder), kind="run", task=summary.task, done=cover.attempted,
-            of=cover.attempted, statuses=cover.by_status,
-        )  # fmt: skip
+            name=self._name(folder),
+            kind="run",
+            task=configuration.task,
+            done=len(rows),
+            of=configuration.attempted,
+            statuses=dict(sorted(Counter(row.status for row in rows).items())),
+            rows=_shown(row for row in rows if row.status != "ok"),
+        )
 
     def _evaluation(self, folder: Path) -> Watched:
         summary = read_summary(folder)
         cover = summary.coverage
         return Watched(
             name=self._name(folder), kind="evaluation", task=summary.task, done=cover.scored,
+            result=_first_metric(summary),
             of=cover.attempted, statuses=cover.by_status, page=True,
         )  # fmt: skip
 
     def _unfinished_run(self, folder: Path) -> Watched:
-        journal = self._journals.setdefault(folder, _Journal())
+        path = folder / JOURNAL
         try:
             configuration = recorded_configuration(folder)
-            rows, journal.at = rows_after(folder, journal.at)
+            begun = path.stat().st_size if path.exists() else 0
+            journal = self._journals.get(folder, _Journal())
+            if begun < journal.at:  # it was begun anew
+                journal = _Journal()
+            self._journals[folder] = journal
+            rows, journal.at = rows_after(folder, journal.at) if begun else ([], 0)
         except (OSError, LegoWorldError) as error:
-            self._journals.pop(folder)
-            if not isinstance(error, FileNotFoundError):
-                return Watched(name=self._name(folder), kind="run", problem=_reason(error))
-            configuration, rows = recorded_configuration(folder), []
+            return Watched(name=self._name(folder), kind="run", problem=_reason(error))
         journal.statuses.update(row.status for row in rows)
         journal.newest = [*journal.newest, *rows][-_MOST_ROWS:]
         return Watched(
@@ -173,10 +191,7 @@ class Watch:
             done=journal.statuses.total(),
             of=configuration.attempted if configuration else None,
             statuses=dict(sorted(journal.statuses.items())),
-            rows=tuple(
-                WatchedRow(name=row.file_name, status=row.status, note=one_line(row.reason or ""))
-                for row in reversed(journal.newest)
-            ),
+            rows=_shown(reversed(journal.newest)),
         )
 
     def _trials(self, folder: Path, inside: Iterable[tuple[Path, bool]]) -> Watched:
@@ -223,6 +238,13 @@ class Watch:
         return path.relative_to(self.top).as_posix()
 
 
+def _shown(rows: Iterable[RunRow]) -> tuple[WatchedRow, ...]:
+    return tuple(
+        WatchedRow(name=row.file_name, status=row.status, note=one_line(row.reason or ""))
+        for row in islice(rows, _MOST_ROWS)
+    )
+
+
 def _walk(top: Path) -> Iterator[tuple[Path, set[str]]]:
     """The folders below one, itself first, with their files' names; no link is followed."""
     for folder, below, files in os.walk(top):
@@ -249,6 +271,12 @@ def _newest_picture(folder: Path) -> str | None:
     except (OSError, RefusedFileError):
         return None
     return f"{WORKSPACE}/{max(found)[1]}" if found else None
+
+
+def _first_metric(summary: Summary) -> str:
+    """Such as "AP 0.5501", over all attempted images."""
+    first = next(summary.metric_values())
+    return f"{first.name} {Number(value=first.value)}"
 
 
 def _lines(path: Path) -> int:

@@ -97,11 +97,9 @@ def journal_records(folder: Path) -> tuple[list[ImageRecord], int]:
 def rows_after(folder: Path, at: int) -> tuple[list[RunRow], int]:
     """The rows of a journal's whole lines from byte `at` on, and where the last of them ends.
 
-    The run may be writing it. A journal that is gone or shorter has been begun anew: OSError.
+    The run may be writing it: a line that is not whole yet is left for the next time.
     """
     with (folder / JOURNAL).open("rb") as stream:
-        if stream.seek(0, os.SEEK_END) < at:
-            raise OSError(f"{JOURNAL} is shorter than {at} bytes")
         stream.seek(at)
         lines = [line for line in stream if line.endswith(b"\n")]
     records = [_record_in(line) for line in lines]

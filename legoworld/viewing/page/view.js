@@ -15,8 +15,9 @@ const address = (kind, name) => `${kind}/${name.split("/").map(encodeURIComponen
 
 function counts(source) {
   const of = source.of === null ? "" : ` of ${source.of}`;
-  const done = source.kind === "comparison" ? [] : [`${source.done}${of} done`];
-  return [...done, ...Object.entries(source.statuses).map(([name, n]) => `${n} ${name}`)].join(" · ");
+  const verb = source.kind === "evaluation" ? "scored" : "done";
+  const done = source.kind === "comparison" ? [] : [`${source.done}${of} ${verb}`];
+  return [source.result, ...done, ...Object.entries(source.statuses).map(([name, n]) => `${n} ${name}`)].filter(Boolean).join(" · ");
 }
 
 function picture(row) {
@@ -41,7 +42,7 @@ function section(source) {
   }
   top.push(element("span", { className: "soft", textContent: counts(source) }));
   if (source.page) top.push(element("a", { href: address("report", source.name), target: "_blank", textContent: "open its page" }));
-  const made = element("section", {}, [element("div", {}, top)]);
+  const made = element("section", { className: source.rows.length ? "" : "line" }, [element("div", {}, top)]);
   if (source.problem) made.append(element("p", { className: "problem", textContent: source.problem }));
   const pictures = source.rows.filter(row => row.picture);
   const others = source.rows.filter(row => !row.picture);
@@ -54,7 +55,8 @@ function show(state) {
   const names = new Set(state.sources.map(source => source.name));
   for (const [name, one] of shown) if (!names.has(name)) { one.section.remove(); shown.delete(name); }
   let before = null;
-  for (const source of state.sources) {
+  const order = [...state.sources].sort((one, two) => one.finished - two.finished);
+  for (const source of order) {
     const text = JSON.stringify(source);
     let one = shown.get(source.name);
     if (one?.text !== text) {
