@@ -18,8 +18,6 @@ from legoworld.records.trajectories import (
     TrajectoryScore,
 )
 
-#: Gaps in edits between two scenes of one trajectory, from and to.
-GAPS: Final[dict[Gap, tuple[int, float]]] = {"1-2": (1, 2), "3-5": (3, 5), ">=6": (6, float("inf"))}
 #: Pairs of each builder at each kind of gap.
 PAIRS_EACH: Final = 20
 #: The submission's name beside the checkpoints' ordinals.
@@ -76,25 +74,19 @@ def choose_pairs(file: TrajectoryFile, seed: int) -> list[JudgePair]:
 
     A builder's pairs depend on the seed and on its own trajectories alone.
     """
-    chosen: list[JudgePair] = []
-    for builder in sorted({trial.agent for trial in file.trials}):
-        drawn: dict[Gap, list[tuple[str, JudgePair]]] = {gap: [] for gap in GAPS}
-        for trial in (t for t in file.trials if t.agent == builder):
-            for (i, first), (j, second) in combinations(enumerate(_eligible(trial)), 2):
-                gap = next(name for name, (low, high) in GAPS.items() if low <= j - i <= high)
-                one, other, item = scene_name(first), scene_name(second), trial_name(trial)
-                lot = sha256_of_text(f"{seed} {item} {one} {other}")
-                shown = (one, other) if int(lot[-1], 16) % 2 else (other, one)
-                pair = JudgePair(builder=builder, item=item, gap=gap, shown=shown)
-                drawn[gap].append((lot, pair))
-        chosen += [
-            pair for lots in drawn.values() for _, pair in sorted(lots, key=_lot)[:PAIRS_EACH]
-        ]
-    return chosen
+    drawn: dict[tuple[str, Gap], dict[str, JudgePair]] = {}
+    for trial in file.trials:
+        for (i, first), (j, second) in combinations(enumerate(_eligible(trial)), 2):
+            one, other, item = scene_name(first), scene_name(second), trial_name(trial)
+            lot, gap = sha256_of_text(f"{seed} {item} {one} {other}"), _gap(j - i)
+            shown = (one, other) if int(lot[-1], 16) % 2 else (other, one)
+            pair = JudgePair(builder=trial.agent, item=item, gap=gap, shown=shown)
+            drawn.setdefault((trial.agent, gap), {})[lot] = pair
+    return [lots[lot] for _, lots in sorted(drawn.items()) for lot in sorted(lots)[:PAIRS_EACH]]
 
 
-def _lot(drawn: tuple[str, JudgePair]) -> str:
-    return drawn[0]
+def _gap(edits: int) -> Gap:
+    return "1-2" if edits <= 2 else "3-5" if edits <= 5 else ">=6"
 
 
 def _eligible(trial: TrajectoryScore) -> list[ScoredScene]:
