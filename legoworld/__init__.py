@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from legoworld.evaluation.pose.score import PoseScores as PoseScores
     from legoworld.evaluation.pose.score import score_poses as score_poses
     from legoworld.plugin.ledger import plugin_replay as plugin_replay
+    from legoworld.trajectories.api import trajectory_pairs as trajectory_pairs
     from legoworld.trajectories.api import trajectory_pick as trajectory_pick
     from legoworld.trajectories.api import trajectory_report as trajectory_report
     from legoworld.trajectories.api import trajectory_score as trajectory_score
@@ -99,8 +100,8 @@ _NAMES = {
     "legoworld.evaluation.family": "Scores",
     "legoworld.evaluation.pose.score": "PoseScores score_poses",
     "legoworld.plugin.ledger": "plugin_replay",
-    "legoworld.trajectories.api": "trajectory_pick trajectory_report trajectory_score"
-    " trajectory_show",
+    "legoworld.trajectories.api": "trajectory_pairs trajectory_pick trajectory_report"
+    " trajectory_score trajectory_show",
     "legoworld.viewing.view": "View view",
     "legoworld.visibility.posed_camera": "Camera",
 }

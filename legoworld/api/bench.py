@@ -27,8 +27,14 @@ from legoworld.comparison.leaderboard import (
     write_leaderboard,
 )
 from legoworld.comparison.standings import with_standings
+from legoworld.errors import UsageError
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.evaluation.reconstruction.evaluate import second_card as second_half
+from legoworld.evaluation.reconstruction.judge_pairs import (
+    choose_pairs,
+    pair_scores,
+    read_trajectories,
+)
 from legoworld.evaluation.reconstruction.judges import judge_agreement
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.files import canonical_json, refuse_existing, sha256_of_file, write_text
@@ -37,6 +43,7 @@ from legoworld.records.bench_dataset import PictureCard, RenderCard
 from legoworld.records.bench_results import JudgesFile, Leaderboard, Parts, ServeAnswer
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.records.run_rows import RunRow
+from legoworld.records.trajectories import TRAJECTORIES
 from legoworld.running.submission import BenchRules, bench_rules
 from legoworld.tasks.shipped import BENCH, BENCH_X
 from legoworld.workers.engines import EngineName, engine_cores
@@ -262,21 +269,40 @@ def bench_judges(
     evaluations: Sequence[str | Path] = (),
     json_file: str | Path | None = None,
     *,
+    trajectories: str | Path | None = None,
+    seed: int = 0,
     overwrite: bool = False,
 ) -> JudgesFile:
     """How far recorded judgements agree with the scores; as JSON in a file where one is given.
 
     evaluations: those whose scores say which submission is better, instead of the judgements.
-    UsageError for a file that is there, unless `overwrite`.
+    trajectories: what `trajectory_score` wrote, of which `trajectory_pairs` chose the pairs by this
+    seed. UsageError for a file that is there, unless `overwrite`, and for both.
     """
+    if evaluations and trajectories:
+        raise UsageError(
+            "two sources of what is better",
+            found="evaluations and --trajectories",
+            expected="one of them",
+            next_step="judge submissions and checkpoints in two calls",
+        )
     if json_file is not None:
         refuse_existing(Path(json_file), overwrite=overwrite)
-    sides = read_entries([Path(folder) for folder in evaluations]) if evaluations else []
-    agreement = judge_agreement(
-        Path(judgements),
-        {side.name: case_scores(side) for side in sides} if sides else None,
-        {side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
-    )
+    if trajectories is not None:
+        scored = read_trajectories(Path(trajectories))
+        agreement = judge_agreement(
+            Path(judgements),
+            pair_scores(scored),
+            {TRAJECTORIES: sha256_of_file(Path(trajectories) / TRAJECTORIES)},
+            choose_pairs(scored, seed),
+        )
+    else:
+        sides = read_entries([Path(folder) for folder in evaluations]) if evaluations else []
+        agreement = judge_agreement(
+            Path(judgements),
+            {side.name: case_scores(side) for side in sides} if sides else None,
+            {side.name: sha256_of_file(side.folder / EVIDENCE) for side in sides},
+        )
     if json_file is not None:
         write_text(Path(json_file), readable(agreement))
     return agreement

@@ -62,12 +62,16 @@ def table_command(evaluations: tuple[Path, ...], output: Path, out: Output, **gi
 @click.command("judges")
 @click.argument("judgements", type=EXISTING_FILE)
 @click.argument("evaluations", nargs=-1, type=EXISTING_FOLDER)
+@option("--trajectories", "What `trajectory score` wrote, for checkpoints.", EXISTING_FOLDER)
+@option("--seed", "Of `trajectory pairs`.")
 @option("-o --output json_file", "Also write the result as JSON.", FILE, required=False)
 @option("--overwrite", "Replace that file.")
 @options.printing
 def judges_command(
     judgements: Path,
     evaluations: tuple[Path, ...],
+    trajectories: Path | None,
+    seed: int,
     json_file: Path | None,
     overwrite: bool,
     out: Output,
@@ -78,19 +82,29 @@ def judges_command(
     the two submissions shown, the one the judge chose ("tie", "both_bad" and "failed" count, too)
     and the one with the higher score ("tie" within 1e-6). With EVALUATIONS the scores come from
     there: `shown` holds two of their folders' names, `item` a case's file name, and `better` is
-    left out. Prints the agreement in percent, means of judges over their own builds and over
-    others', and how often a judge chose the same when the order was swapped.
+    left out. With --trajectories they are of checkpoints, in the pairs that `trajectory pairs`
+    chose: a pair without a judgement counts as failed. Prints the agreement in percent, means of
+    judges over their own builds and over others', and how often a judge chose the same when the
+    order was swapped.
 
     \b
     Examples:
       legoworld bench judges judgements.jsonl
       legoworld bench judges judgements.jsonl -o judges.json
       legoworld bench judges judgements.jsonl evals/a evals/b
+      legoworld bench judges judgements.jsonl --trajectories scores
     """
     from legoworld.api.bench import bench_judges
     from legoworld.records.base import as_json as plain
 
-    agreement = bench_judges(judgements, evaluations, json_file, overwrite=overwrite)
+    agreement = bench_judges(
+        judgements,
+        evaluations,
+        json_file,
+        trajectories=trajectories,
+        seed=seed,
+        overwrite=overwrite,
+    )
     if out.as_json:
         print_json(plain(agreement))
         return 0
@@ -121,6 +135,8 @@ def _matrix(agreement: AspectAgreement) -> str:
         f"own builds {own}, others' {cross}; own above the others' mean for "
         f"{agreement.self_above_others} of {agreement.builders} builders"
     )
+    for gap, cell in (agreement.by_gap or {}).items():
+        lines.append(f"gap {gap}: {100 * cell.share:.1f} of {cell.n}")
     for judge, swaps in agreement.order_swaps.items():
         shown = "-" if swaps.share is None else f"{swaps.share:.1%}"
         lines.append(

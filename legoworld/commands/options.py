@@ -52,6 +52,7 @@ SHARED: Final[Sequence[tuple[str, str, Mapping[str, Any]]]] = [
     ("--truth", f"Ground truth: {ANNOTATIONS}", {"type": EXISTING, "required": True}),
     ("--input inputs", "", {"type": EXISTING, "multiple": True}),
     ("--workspace", "", {"type": FOLDER}),
+    ("--scores", "What `trajectory score` wrote.", {"type": EXISTING_FOLDER}),
     # Selection
     ("--limit", "Only the first N images (partial run).", {"type": COUNT}),
     ("--image-id image_ids", "Only this image; repeatable.", {"type": click.INT, "multiple": True}),

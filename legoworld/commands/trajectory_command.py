@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import click
 
@@ -12,8 +13,6 @@ from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, FILE, Choice
 from legoworld.pluralize import plural
-
-_SCORES: Final = option("--scores", "What `trajectory score` wrote.", EXISTING_FOLDER)
 
 
 @options.group("trajectory")
@@ -30,7 +29,7 @@ def command() -> None:
 
 @command.command("show")
 @click.argument("scene", type=EXISTING_FOLDER)
-@_SCORES
+@option("--scores")
 @options.printing
 def show(scene: Path, scores: Path | None, out: Output) -> int:
     """Print the calls of one trial, and which of them changed the scene.
@@ -92,10 +91,39 @@ def score(scene_folders: tuple[Path, ...], output: Path, out: Output, **given: A
     return 0
 
 
+@command.command("pairs")
+@click.argument("scene_folders", type=EXISTING_FOLDER, nargs=-1, required=True, metavar="SCENES...")
+@option("--scores", required=True)
+@option("--seed", "RNG seed of the choice.")
+@option("--output", "The file of pairs, JSON lines.", FILE)
+@options.printing
+def pairs(
+    scene_folders: tuple[Path, ...], scores: Path, seed: int, output: Path, out: Output
+) -> int:
+    """Choose pairs of checkpoints for judges: 20 of each agent at gaps of 1-2, 3-5, >= 6 edits.
+
+    Show a judge a pair's two `renders` beside the photo. Its answer is a line for `bench judges`:
+    the pair with "judge", "aspect" and "chosen" in place of "gap" and "renders". Asked once more
+    with `shown` turned round, it also audits the order.
+
+    \b
+    Examples:
+      legoworld trajectory pairs scenes --scores scores -o pairs.jsonl
+      legoworld trajectory pairs codex claude --scores scores --seed 1 -o pairs.jsonl
+    """
+    from legoworld.trajectories.api import trajectory_pairs
+
+    chosen = trajectory_pairs(scene_folders, scores, output, seed=seed)
+    counts = Counter((pair.builder, pair.gap) for pair in chosen)
+    lines = [f"{builder}, gap {gap}: {n}" for (builder, gap), n in counts.items()]
+    out.show({"pairs": chosen}, [*lines, f"-> {output}"])
+    return 0
+
+
 @command.command("report")
 @click.argument("scenes", type=EXISTING_FOLDER)
 @option("--photos", required=False)
-@_SCORES
+@option("--scores")
 @option("--output", "The HTML file.", FILE)
 @options.printing
 def report(
@@ -127,7 +155,7 @@ def report(
     required=True,
 )
 @option("--evidence", "<scene>/requirements.json and public evidence, for residuals.")
-@_SCORES
+@option("--scores")
 @option("--output", "Folder of the scenes.")
 @option("--sandbox")
 @options.printing

@@ -137,6 +137,24 @@ class Judgement(Record, frozen=True, kw_only=True):
         return TIE if self.chosen is None else self.chosen
 
 
+#: Edits between two scenes of one trajectory.
+Gap = Literal["1-2", "3-5", ">=6"]
+
+
+class JudgePair(Record, frozen=True, kw_only=True):
+    """One line of pairs.jsonl: two scenes of one trial, in the order in which they are shown.
+
+    shown: checkpoints' ordinals, "final" for the submission; renders: the evaluator's pictures of
+    the two, relative to the folder of scores.
+    """
+
+    builder: Text
+    item: Text
+    gap: Gap
+    shown: tuple[Text, Text]
+    renders: tuple[Text, Text] | UnsetType = UNSET
+
+
 class Agreement(Record, frozen=True, kw_only=True):
     """Judgements of which the choice is the score's direction, over all of them.
 
@@ -170,7 +188,7 @@ class AspectAgreement(Record, frozen=True, kw_only=True):
 
     self_mean: judges of their own builds; cross_mean: of others'; null where there is no such cell.
     self_above_others: builders whose own judge agrees more than the mean of the others;
-    builders: how many of them have both.
+    builders: how many of them have both. by_gap: where the pairs were chosen by it.
     """
 
     matrix: dict[str, dict[str, Agreement]]
@@ -179,13 +197,14 @@ class AspectAgreement(Record, frozen=True, kw_only=True):
     self_above_others: int
     builders: int
     order_swaps: dict[str, OrderSwaps]
+    by_gap: dict[Gap, Agreement] | UnsetType = UNSET
 
 
 class JudgesFile(Record, frozen=True, kw_only=True):
     """judges.json. aspects: by their names, those that were judged.
 
-    evidence_sha256: of the evaluations that gave the directions, by name; empty where the
-    judgements hold them.
+    evidence_sha256: of the evaluations that gave the directions, by name, or of trajectories.json;
+    empty where the judgements hold them.
     """
 
     schema_version: int = SCHEMA_VERSION

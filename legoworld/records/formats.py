@@ -22,6 +22,7 @@ class Format:
 
 #: What `legoworld list formats` lists; docs/formats.md is made from it.
 FORMATS: Final[Mapping[str, Format]] = {
+    "bench-judge-pair": Format("a line of pairs.jsonl", "bench_results:JudgePair"),
     "bench-judgement": Format("a line of JUDGEMENTS.jsonl", "bench_results:Judgement"),
     "bench-leaderboard": Format("leaderboard.json", "bench_results:Leaderboard"),
     "bench-run-per-image": Format("a line of RUN/per_image.jsonl, bench", "submission:BenchRow"),

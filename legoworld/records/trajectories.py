@@ -6,11 +6,13 @@ calls and output tokens. `PageTrial` is what the page of trials is given.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
 from legoworld.records.base import Record
 from legoworld.records.evaluation_summary import Interval
 
+#: The file in a folder of scores.
+TRAJECTORIES: Final = "trajectories.json"
 Cause = Literal["validity", "camera", "geometry", "appearance"]
 CAUSES: tuple[Cause, ...] = ("validity", "camera", "geometry", "appearance")
 Axis = Literal["wall", "calls", "tokens"]

@@ -8,9 +8,13 @@ from typing import Final
 
 from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.listener import SILENT, Listener
+from legoworld.evaluation.reconstruction.judge_pairs import choose_pairs, read_trajectories
+from legoworld.files import write_text
+from legoworld.records.base import canonical
+from legoworld.records.bench_results import JudgePair
 from legoworld.records.trajectories import TrajectoryFile, TrajectoryScore
 from legoworld.trajectories.folder import RecordedTrial, read_trial, recorded_trials
-from legoworld.trajectories.page import find_score, read_scores, write_page
+from legoworld.trajectories.page import find_score, read_scores, with_renders, write_page
 from legoworld.trajectories.pick import By, Pick, PickPlan, pick
 from legoworld.trajectories.score_checkpoints import ScoringPlan, score_trajectories
 from legoworld.workers.protections import Confinement, protections
@@ -56,6 +60,20 @@ def trajectory_score(
         notice=listener.notice,
     )
     return score_trajectories([Path(folder) for folder in scene_folders], plan)
+
+
+@check_arguments
+def trajectory_pairs(
+    scene_folders: Sequence[str | Path], scores: str | Path, output: str | Path, *, seed: int = 0
+) -> list[JudgePair]:
+    """Choose pairs of checkpoints for judges by their gap; write them as lines, and return them.
+
+    scores: what `trajectory_score` wrote of these folders.
+    """
+    trials = [trial for folder in scene_folders for trial in recorded_trials(Path(folder))]
+    pairs = with_renders(choose_pairs(read_trajectories(Path(scores)), seed), trials, Path(scores))
+    write_text(Path(output), "".join(canonical(pair) + "\n" for pair in pairs))
+    return pairs
 
 
 @check_arguments

@@ -12,11 +12,19 @@ import cv2
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 from markupsafe import Markup
+from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
+from legoworld.evaluation.reconstruction.judge_pairs import (
+    SUBMITTED,
+    TrajectoryScoresError,
+    read_trajectories,
+    trial_name,
+)
 from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
-from legoworld.records.base import as_json, decode
+from legoworld.records.base import as_json
+from legoworld.records.bench_results import JudgePair
 from legoworld.records.evaluation_summary import Interval
 from legoworld.records.trajectories import (
     AgentTable,
@@ -32,7 +40,7 @@ from legoworld.tables.html import html
 from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.trajectories.curves import drops, moments
 from legoworld.trajectories.folder import RecordedTrial
-from legoworld.trajectories.score_checkpoints import TRAJECTORIES, slot_folder, tokens_until
+from legoworld.trajectories.score_checkpoints import slot_folder, tokens_until
 
 _PAGE: Final = Path(__file__).with_name("page")
 _LONGEST_PX: Final = 480
@@ -58,8 +66,8 @@ def calls_table(trial: RecordedTrial, score: TrajectoryScore | None) -> Table:
 
 
 def read_scores(folder: Path | None) -> TrajectoryFile | None:
-    """trajectories.json of a folder of scores; None without a folder."""
-    return None if folder is None else decode(TrajectoryFile, (folder / TRAJECTORIES).read_bytes())
+    """`read_trajectories`; None without a folder."""
+    return None if folder is None else read_trajectories(folder)
 
 
 def find_score(scores: TrajectoryFile | None, trial: RecordedTrial) -> TrajectoryScore | None:
@@ -72,6 +80,39 @@ def find_score(scores: TrajectoryFile | None, trial: RecordedTrial) -> Trajector
         == (about.scene, about.agent, about.agent_seconds)
     ]
     return matching[0] if matching else None
+
+
+def with_renders(
+    pairs: Sequence[JudgePair], trials: Sequence[RecordedTrial], scores: Path
+) -> list[JudgePair]:
+    """Pairs with the evaluator's pictures of their scenes, which A was measured on.
+
+    TrajectoryScoresError for a pair of a trial that is not given.
+    """
+    document, folders = read_trajectories(scores), {}
+    for trial in trials:
+        if score := find_score(document, trial):
+            places = {
+                str(c.ordinal): slot_folder(scores, trial, n) for n, c in enumerate(trial.live)
+            }
+            places[SUBMITTED] = slot_folder(scores, trial, None)
+            picture = f"run/render/{trial.about.scene}.png"
+            folders[trial_name(score)] = {
+                name: (place.parent / picture).relative_to(scores).as_posix()
+                for name, place in places.items()
+            }
+    missing = [pair.item for pair in pairs if pair.item not in folders]
+    if missing:
+        raise TrajectoryScoresError(
+            f"{scores} has scores of a trial that is not below SCENES",
+            found=missing[0],
+            expected="the folders that were scored",
+        )
+    return [
+        replace(pair, renders=(of_trial[pair.shown[0]], of_trial[pair.shown[1]]))
+        for pair in pairs
+        for of_trial in [folders[pair.item]]
+    ]
 
 
 def write_page(

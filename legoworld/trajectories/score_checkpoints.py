@@ -26,7 +26,13 @@ from legoworld.records.base import UNSET, canonical, decode_lines, readable
 from legoworld.records.endpoint import Checkpoint
 from legoworld.records.reconstruction import ReconstructionRow
 from legoworld.records.submission import BenchRow
-from legoworld.records.trajectories import Moment, ScoredScene, TrajectoryFile, TrajectoryScore
+from legoworld.records.trajectories import (
+    TRAJECTORIES,
+    Moment,
+    ScoredScene,
+    TrajectoryFile,
+    TrajectoryScore,
+)
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE
 from legoworld.tasks.shipped import BENCH
@@ -38,7 +44,6 @@ from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
-TRAJECTORIES: Final = "trajectories.json"
 _ROWS: Final = "per_image.jsonl"
 _FINAL: Final = "final"
 
@@ -119,14 +124,15 @@ def _groups(folder: Path) -> list[Group]:
     ]
 
 
-def slot_folder(output: Path, trial: RecordedTrial, number: int) -> Path:
-    """The scenes of the slot that a trial's checkpoint was scored in."""
+def slot_folder(output: Path, trial: RecordedTrial, number: int | None) -> Path:
+    """The scenes of the slot that a trial's checkpoint was scored in; None: its submission."""
     depth = len(Path(trial.about.scene).parts)
     top = trial.folder.parents[depth - 1]
     run = 1
     if top.name.startswith("run_") and top.name[4:].isdecimal():
         run, top = int(top.name[4:]), top.parent
-    return output / _group_name(top, run) / f"{number + 1:03}" / "scenes"
+    slot = _FINAL if number is None else f"{number + 1:03}"
+    return output / _group_name(top, run) / slot / "scenes"
 
 
 def _group_name(folder: Path, run: int) -> str:

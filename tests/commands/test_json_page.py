@@ -104,7 +104,8 @@ def document(name: str, arguments: list[Any]) -> dict[str, Any]:
 NOT_CALLED = {
     "agent check", "agent install", "agent list", "baseline install", "baseline run",
     "bench judges", "bench make", "bench table", "blender finalise", "import", "reconstruct",
-    "trajectory pick", "trajectory report", "trajectory score", "trajectory show",
+    "trajectory pairs", "trajectory pick", "trajectory report", "trajectory score",
+    "trajectory show",
 }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from msgspec.structs import replace as msgspec_replace
 from report.chromium import Browser, browser
 from trajectories.pages import LEFT, picture, recorded, scored
 
+from legoworld import cli
 from legoworld.trajectories.page import _picture, _tables, calls_table, write_page
 from legoworld.trajectories.score_checkpoints import _groups, slot_folder
 
@@ -174,3 +176,30 @@ def test_axe_finds_nothing_and_nothing_sticks_out(chrome, page, width, scheme):
     result = chrome.js("axe.run(document, { resultTypes: ['violations'] })")
     assert [(v["id"], [n["html"][:160] for n in v["nodes"]]) for v in result["violations"]] == []
     assert chrome.js("document.documentElement.scrollWidth") <= width
+
+
+def test_pairs_name_the_pictures_that_were_scored(tmp_path, capsys):
+    trial = recorded(tmp_path / "scenes")
+    scored(tmp_path / "scores", trial)
+    lines = tmp_path / "pairs.jsonl"
+    asked = ["trajectory", "pairs", str(tmp_path / "scenes"), "-o", str(lines)]
+    asked += ["--scores", str(tmp_path / "scores"), "--seed", "1"]
+    assert cli.run([*asked, "--json"]) == 0
+    pairs = json.loads(capsys.readouterr().out)["pairs"]
+    assert pairs == [json.loads(line) for line in lines.read_text().splitlines()]
+    # Checkpoints 1, 2, 3 and 5: the fourth has no camera, and the submission is the last.
+    assert Counter(pair["gap"] for pair in pairs) == {"1-2": 5, "3-5": 1}
+    places = {
+        name: place for p in pairs for name, place in zip(p["shown"], p["renders"], strict=True)
+    }
+    slot = slot_folder(tmp_path / "scores", trial, 2).parent.relative_to(tmp_path / "scores")
+    assert places["3"] == f"{slot.as_posix()}/run/render/room.png"
+    assert slot_folder(tmp_path / "scores", trial, None).parent.name == "final"
+    assert cli.run(asked) == 0
+    assert "codex, gap 1-2: 5\ncodex, gap 3-5: 1\n" in capsys.readouterr().out
+    recorded(tmp_path / "others", tokens=False)
+    about = tmp_path / "others" / "room" / "reconstruction.json"
+    about.write_text(about.read_text().replace('"agent": "codex"', '"agent": "else"'))
+    asked[2] = str(tmp_path / "others")
+    assert cli.run(asked) == 2
+    assert "is not below SCENES" in capsys.readouterr().err

@@ -17,14 +17,21 @@ from legoworld.records.bench_results import (
     FAILED,
     TIE,
     Agreement,
+    Aspect,
     AspectAgreement,
+    Gap,
     Judgement,
+    JudgePair,
     JudgesFile,
     OrderSwaps,
 )
 
 #: Scores of a case: by evaluation and file name, R and A.
 Scores = Mapping[str, Mapping[str, tuple[float | None, float | None]]]
+
+#: Builder, item and the two shown.
+Pair = tuple[str, str, tuple[str, str]]
+Gaps = Mapping[Pair, Gap]
 
 #: Scores this close are a tie.
 _TIE_WITHIN: Final = 1e-6
@@ -37,12 +44,16 @@ class JudgementsError(LegoWorldError):
 
 
 def judge_agreement(
-    path: Path, scores: Scores | None = None, evidence_sha256: Mapping[str, str] | None = None
+    path: Path,
+    scores: Scores | None = None,
+    evidence_sha256: Mapping[str, str] | None = None,
+    pairs: Sequence[JudgePair] | None = None,
 ) -> JudgesFile:
     """The agreement of a JSON Lines file of judgements. JudgementsError.
 
     scores: of the evaluations that say which submission is better, R for the reconstruction, A for
-    the appearance; without them each judgement says it. evidence_sha256: of the same.
+    the appearance; without them each judgement says it. evidence_sha256: of the same. pairs: those
+    that were to be judged; all of a builder are in the denominator of each of its judges.
     """
     try:
         judgements = decode_lines(Judgement, path.read_bytes())
@@ -61,6 +72,10 @@ def judge_agreement(
             )
         if one.better is not UNSET and one.better not in (*one.shown, TIE):
             raise _refusal(path, f"judgement {number}: better {one.better!r} of {one.shown}")
+    count = len(judgements)
+    gaps: Gaps = {(p.builder, p.item, p.shown): p.gap for p in pairs or ()}
+    if pairs is not None:
+        judgements = _all_pairs(path, judgements, gaps)
     if scores is not None:
         judgements = [
             _with_direction(path, number, one, scores)
@@ -70,9 +85,9 @@ def judge_agreement(
     return JudgesFile(
         judgements_sha256=sha256_of_file(path),
         evidence_sha256=dict(evidence_sha256 or {}),
-        judgements=len(judgements),
+        judgements=count,
         aspects={
-            aspect: aspect_agreement([one for one in judgements if one.aspect == aspect])
+            aspect: _aspect([one for one in judgements if one.aspect == aspect], gaps)
             for aspect in aspects
         },
     )
@@ -99,16 +114,49 @@ def _with_direction(path: Path, number: int, one: Judgement, scores: Scores) -> 
     return replace(one, better=better)
 
 
-def aspect_agreement(judgements: Sequence[Judgement]) -> AspectAgreement:
-    """Agreement of one aspect; builders and judges keep the order they first come in."""
+def _all_pairs(path: Path, judgements: Sequence[Judgement], pairs: Gaps) -> list[Judgement]:
+    """The judgements, and a failed one of each pair that a judge of its builder left out.
+
+    JudgementsError for a pair that was not chosen, and for a second answer to one question.
+    """
+    cells: dict[tuple[str, str, Aspect], dict[Pair, Judgement]] = {}
+    for number, one in enumerate(judgements, start=1):
+        pair = one.builder, one.item, one.shown
+        if pair not in pairs and (one.builder, one.item, one.shown[::-1]) not in pairs:
+            raise _refusal(path, f"judgement {number}: {pair} is none of the chosen pairs")
+        cell = cells.setdefault((one.builder, one.judge, one.aspect), {})
+        if cell.setdefault(pair, one) is not one:
+            raise _refusal(path, f"judgement {number}: {one.judge} judges {pair} a second time")
+    left_out = [
+        Judgement(builder=builder, judge=judge, aspect=aspect, item=pair[1], shown=pair[2],
+                  chosen=FAILED)
+        for (builder, judge, aspect), cell in cells.items()
+        for pair in pairs
+        if pair[0] == builder and pair not in cell
+    ]  # fmt: skip
+    return [*judgements, *left_out]
+
+
+def _aspect(judgements: Sequence[Judgement], pairs: Gaps) -> AspectAgreement:
+    """Agreement of one aspect; builders and judges keep the order they first come in.
+
+    pairs: where there are any, an answer in the other order is for the audit alone.
+    """
     cells: dict[str, dict[str, list[Judgement]]] = {}
+    by_gap: dict[Gap, list[Judgement]] = {}
     for one in judgements:
-        cells.setdefault(one.builder, {}).setdefault(one.judge, []).append(one)
+        gap = pairs.get((one.builder, one.item, one.shown))
+        if gap or not pairs:
+            cells.setdefault(one.builder, {}).setdefault(one.judge, []).append(one)
+        if gap:
+            by_gap.setdefault(gap, []).append(one)
     matrix = {
         builder: {judge: _agreement(found) for judge, found in by_judge.items()}
         for builder, by_judge in cells.items()
     }
-    return of_matrix(matrix, _swaps(judgements))
+    found = of_matrix(matrix, _swaps(judgements))
+    gaps: dict[Gap, Agreement] = {gap: _agreement(by_gap[gap]) for gap in by_gap}
+    return replace(found, by_gap=gaps) if pairs else found
 
 
 def of_matrix(
