@@ -10,7 +10,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.comparison.provenance import recorded_provenance
-from legoworld.evaluation.bootstrap import LEVEL, interval
+from legoworld.comparison.ranks import rank_systems
+from legoworld.evaluation.bootstrap import interval
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.points import F64
 from legoworld.evaluation.stored import StoredEvaluation
@@ -21,7 +22,6 @@ from legoworld.records.bench_results import (
     Leaderboard,
     LeaderboardRow,
     PairedDifference,
-    Rank,
     Standings,
 )
 from legoworld.tables.table import Cell, Table, table
@@ -62,7 +62,7 @@ def with_standings(board: Leaderboard, sides: Sequence[StoredEvaluation]) -> Lea
     costs = [_cost([u for name in row.evaluations for u in used[name]]) for row in board.rows]
     standings = Standings(
         metric=metric,
-        ranks=tuple(_ranks(values, resampled)),
+        ranks=tuple(rank_systems(values, resampled)),
         pairs=tuple(
             PairedDifference(
                 first=i,
@@ -107,19 +107,6 @@ def standings_table(board: Leaderboard) -> Table:
             "better and as cheap. n/m: n of m trials tell it, and it is on no frontier."
         )
     return table(header, rows, notes=notes)
-
-
-def _ranks(values: F64, resampled: F64 | None) -> Iterable[Rank]:
-    """1 for the best; equal values share the better rank."""
-    ranks = 1 + (values[None, :] > values[:, None]).sum(axis=1)
-    if resampled is None:
-        yield from (Rank(rank=int(rank), low=None, high=None) for rank in ranks)
-        return
-    for own, rank in zip(resampled, ranks, strict=True):
-        drawn = 1 + (resampled > own).sum(axis=0)
-        tail = (1 - LEVEL) / 2
-        low, high = np.quantile(drawn, [tail, 1 - tail], method="inverted_cdf")
-        yield Rank(rank=int(rank), low=int(low), high=int(high))
 
 
 def _usages(side: StoredEvaluation) -> list[Usage]:

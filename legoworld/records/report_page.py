@@ -206,6 +206,11 @@ class PhotoCell(Record, frozen=True, kw_only=True):
     advice: str
     findings: int
 
+    @property
+    def number(self) -> float | None:
+        """The photo's own number, None without one."""
+        raise NotImplementedError(type(self).__name__)
+
 
 class DetectionCell(PhotoCell, frozen=True, kw_only=True):
     """Of boxes or masks. errors: kind and category id of its errors, each pair once."""
@@ -215,6 +220,11 @@ class DetectionCell(PhotoCell, frozen=True, kw_only=True):
     fp: int
     fn: int
     errors: tuple[tuple[str, int], ...]
+
+    @property
+    def number(self) -> float | None:
+        """Its quality."""
+        return self.quality
 
 
 class PixelCell(PhotoCell, frozen=True, kw_only=True):
@@ -228,12 +238,22 @@ class PixelCell(PhotoCell, frozen=True, kw_only=True):
     holes: float | None
     constant: float | UnsetType | None = UNSET
 
+    @property
+    def number(self) -> float | None:
+        """Its score."""
+        return self.score
+
 
 class RelationsCell(PhotoCell, frozen=True, kw_only=True):
     """Of relations. accuracy: None where nothing true or false is asked; answered: questions."""
 
     accuracy: float | None
     answered: int
+
+    @property
+    def number(self) -> float | None:
+        """Its accuracy."""
+        return self.accuracy
 
 
 class LabelMapCell(PhotoCell, frozen=True, kw_only=True):
@@ -242,6 +262,11 @@ class LabelMapCell(PhotoCell, frozen=True, kw_only=True):
     metric: str
     quality: float | None
     counts: tuple[int, int, int]
+
+    @property
+    def number(self) -> float | None:
+        """Its quality."""
+        return self.quality
 
 
 class PhotoRow(Record, frozen=True, kw_only=True):

@@ -96,6 +96,11 @@ class BenchCell(PhotoCell, frozen=True, kw_only=True):
     S: float | None
     flags: tuple[FlagKind, ...]
 
+    @property
+    def number(self) -> float | None:
+        """S, or R where there is no render."""
+        return self.R if self.S is None else self.S
+
 
 class CaseLine(PhotoRow, frozen=True, kw_only=True):
     """A case in the list, with what it can be filtered by. tier: "" where it has none."""

@@ -15,6 +15,7 @@ from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.provenance import compare_command, provenance
 from legoworld.report.scene_files import SceneFiles
 from legoworld.report.sources import Section
+from legoworld.report.systems import photos_table, systems_table
 from legoworld.report.tables import (
     comparison_tables,
     coverage_table,
@@ -39,6 +40,11 @@ def page_document(
         if section.sides:
             fill = load_page_family(section.task).fill
             made = fill(section, made, document, places) if fill else replace(made, names={})
+            made = replace(
+                made,
+                overview=(*made.overview, *systems_table(section)),
+                numbers=(*made.numbers, *photos_table(section, made.images)),
+            )
         document.sections.append(made)
     return document
 

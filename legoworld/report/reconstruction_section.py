@@ -11,12 +11,14 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.comparison.leaderboard import wide_table
+from legoworld.comparison.standings import standings_table, with_standings
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET
+from legoworld.records.bench_results import Leaderboard
 from legoworld.records.reconstruction import COMPARED, ReconstructionRow
 from legoworld.records.report_page import PhotoRow
 from legoworld.records.report_reconstruction import (
@@ -50,6 +52,7 @@ from legoworld.report.reconstruction_tables import (
     second_card_tables,
 )
 from legoworld.report.sources import Section
+from legoworld.tables.table import Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +118,7 @@ def bench_section(
         overview=(
             leaderboard_table(tables),
             *second_card_tables(tables),
+            *_standings(section, tables.board),
             *flag_tables(section),
         ),
         numbers=(by_group, *made.numbers),
@@ -122,6 +126,13 @@ def bench_section(
         names={str(k): name for name, k in bench.ids.items()},
         bench=tables,
     )
+
+
+def _standings(section: Section, board: Leaderboard) -> tuple[Table, ...]:
+    """Ranks and paired differences, where there are several systems."""
+    if len(board.rows) < 2 or any(side.summary.partial for side in section.sides):
+        return ()
+    return (replace(standings_table(with_standings(board, section.sides)), title="Systems"),)
 
 
 def _score(row: ReconstructionRow) -> float:
