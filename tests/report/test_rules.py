@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +13,20 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from legoworld.evaluation.detection.inputs.masks import from_pixels
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import ComparisonRow, Difference, Measured
 from legoworld.records.evaluation_rows import Outcome
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.report_page import Advice
 from legoworld.report import (
     costs,
     first_screen,
     forest,
     photos,
+    pixel_section,
     plots,
     provenance,
     relations_page,
@@ -30,9 +34,10 @@ from legoworld.report import (
     sources,
     tables,
 )
-from legoworld.report.mended_ap import errors_of
+from legoworld.report.mended_ap import MendedAp, errors_of
 from legoworld.report.notebook import instances_text, statuses_html
 from legoworld.report.parts import lone_part, parts_of_truths
+from legoworld.report.reconstruction_pictures import OUTCOMES
 from legoworld.report.tried import Tried, _fitted_iou, try_steps
 
 
@@ -471,3 +476,44 @@ def test_instances_and_statuses_in_a_line():
         "2 x bus, cup, without a category"
     )
     assert statuses_html("a<", {"ok": 3, "failed": 1}) == "<p><b>a&lt;</b>: 3 ok, 1 failed</p>"
+
+
+@pytest.mark.parametrize(
+    ("status", "has_score", "said"),
+    [
+        ("failed", False, ["bad no output (failed): no reason -> do"]),
+        ("ok", False, ["bad not scored (hole): too few -> "]),
+        ("ok", True, ["warn half -> mend it"]),
+    ],
+)
+def test_an_array_that_is_not_scored_is_a_finding(status, has_score, said):
+    page: Any = SimpleNamespace(
+        advice=lambda _row: [Advice(level="warn", what="half", do="mend it")]
+    )
+    row: Any = SimpleNamespace(
+        status="hole", reason="too few", has_score=has_score, warnings=("b", "a")
+    )
+    run_row: Any = SimpleNamespace(status=status, reason="no reason; next: do", warnings=("a", "c"))
+    for scene in (True, False):
+        found = pixel_section._advice(page, row, run_row, scene=scene)
+        words = [f"{a.level} {a.what} -> {a.do}" for a in found]
+        first = said if scene else [text.partition("->")[0] + "-> " for text in said]
+        assert words == [*first, *(f"warn {text} -> " for text in "abc")]
+
+
+def test_a_truth_that_may_be_met_often_is_an_ignored_crowd():
+    truths = [replace(WHOLE, iscrowd=crowd) for crowd in (0, 1, 0, 1)]
+    image, side = photo(truths, [], truth=("ignored", "ignored", "missed", "missed"))
+    side.iou, side.places = np.zeros((0, 4)), ()
+    side.run_row = SimpleNamespace(status="failed")
+    made = MendedAp(side=side)
+    made.add(image, side)
+    ((_, _, ignored, crowd),) = made._image_truths
+    assert ignored.tolist() == [True, True, False, False]
+    assert crowd.tolist() == [False, True, False, False]
+
+
+def test_the_page_s_scripts_know_the_outcome_that_does_not_count():
+    script = (Path(sources.__file__).parent / "page" / "points.js").read_text("utf-8")
+    (name,) = re.findall(r'const OUTSIDE = "(\w+)"', script)
+    assert [one.name for one in OUTCOMES if "not in R" in one.text] == [name]
