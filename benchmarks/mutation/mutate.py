@@ -6,7 +6,8 @@
 
 Works in a copy of the tree below FOLDER. The tests run once unchanged, which tells which tests call
 which functions; then for each change of a random sample those tests run, quickest first, until one
-fails. Each change is made to the file itself, so a process that a test starts sees it as well.
+fails. A change at module level has the tests of the functions that read what it binds. Each change
+is made to the file itself, so a process that a test starts sees it as well.
 FOLDER/results.jsonl has a line for each change; the same command goes on where it stopped. Prints
 survivors, and the killed with their 95 % Wilson interval. A change whose tests run past 120 s and
 ten times their time on the unchanged tree counts as killed; how many did is printed. A test
@@ -47,6 +48,7 @@ import pytest
 from calls import calls_of_tests, cost, options
 from operators import Change, changes
 from reach import reached_by_tests
+from readers import Readers
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Imported once, before the processes fork: most of a test run's start.
@@ -84,6 +86,7 @@ def main() -> int:
     # What tests leave behind becomes this process's child, and can be ended.
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     sample = _sample(arguments)
+    readers = Readers(tree)
     results = out / "results.jsonl"
     known = {}
     killers: dict[str, Counter[str]] = defaultdict(Counter)
@@ -101,7 +104,7 @@ def main() -> int:
             "path": path,
             "source": source,
             **asdict(change),
-            **_try(path, change, called, killers[path], sound, arguments),
+            **_try(path, change, called, killers[path], sound, readers, arguments),
         }
         known[name] = row
         with results.open("a") as file:
@@ -163,18 +166,20 @@ def _sample(arguments: argparse.Namespace) -> list[tuple[str, Change]]:
     return every[: arguments.count]
 
 
-def _chosen(change: Change, called: dict[str, dict[str, Any]], path: str) -> list[str]:
-    """The tests that call a change's function.
+def _chosen(
+    path: str, change: Change, called: dict[str, dict[str, Any]], readers: Readers
+) -> list[str]:
+    """The tests that call a change's function or, at module level, one that reads what it binds.
 
-    Where none does (what a module holds is no function's), those of the test files that call any
-    of its file: a test of a table need not call anything.
+    Where none does, those of the test files that call any function of its file.
     """
-    names = {
-        test: {name for file, name in row["calls"] if file == path} for test, row in called.items()
-    }
-    direct = [test for test in called if change.function in names[test]]
-    files = {test.split("::")[0] for test in called if names[test]}
-    return direct or [test for test in called if test.split("::")[0] in files]
+    functions, files = {(path, change.function)}, set[str]()
+    if not change.function:
+        functions, files = readers.of(path, Path(path).read_bytes(), change.start)
+    calls = {test: {(file, name) for file, name in row["calls"]} for test, row in called.items()}
+    direct = [test for test in called if calls[test] & functions or test.split("::")[0] in files]
+    near = {test.split("::")[0] for test in called if any(f == path for f, _ in calls[test])}
+    return direct or [test for test in called if test.split("::")[0] in near]
 
 
 def _stages(
@@ -202,6 +207,7 @@ def _try(
     called: dict[str, dict[str, Any]],
     killers: Counter[str],
     sound: set[str],
+    readers: Readers,
     arguments: argparse.Namespace,
 ) -> dict[str, object]:
     """Change the file, run the tests, put it back.
@@ -209,7 +215,7 @@ def _try(
     called: loses a test that fails without the change as well. sound: gets those that pass.
     """
     file = Path.cwd() / path
-    chosen = _chosen(change, called, path)
+    chosen = _chosen(path, change, called, readers)
     if not chosen:
         return {"outcome": "survived", "by": "no test calls its file", "seconds": 0}
     before, stat, started = file.read_bytes(), file.stat(), time.monotonic()
@@ -231,7 +237,7 @@ def _try(
             print(f"left out, fails unchanged: {by}", flush=True)
             killers[by.split("::")[0]] -= 1
             del called[by]
-            return _try(path, change, called, killers, sound, arguments)
+            return _try(path, change, called, killers, sound, readers, arguments)
         sound.add(by)
     seconds = round(time.monotonic() - started, 1)
     return {"outcome": outcome, "by": by, "seconds": seconds, "tests": len(chosen)}

@@ -98,7 +98,7 @@ def _losses(side: StoredEvaluation, ids: Mapping[str, int]) -> SideLosses:
     for row in rows:
         eligible = [o for o in row.objects if o.eligible]
         if not row.valid or not eligible:
-            not_valid += (1.0 - (row.R or 0.0)) / len(rows)
+            not_valid += 1.0 / len(rows)
             continue
         for scored in eligible:
             lost[scored.category] += (1.0 - scored.f1) / len(eligible) / len(rows)
