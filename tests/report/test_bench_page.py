@@ -412,7 +412,7 @@ def test_nothing_is_hit_where_nothing_stands(document: PageDocument) -> None:
 def test_flags_are_listed_with_their_measurement(document: PageDocument) -> None:
     (section,) = document.sections
     assert section.bench is not None
-    _, flags, systems = section.overview
+    _, systems, flags = section.overview
     assert (systems.title, len(systems.rows)) == ("Systems", 2)
     assert (flags.title, flags.folded) == ("1 integrity flag", True)
     ((case, side, kind, _, measured, _),) = flags.rows
