@@ -100,12 +100,12 @@ def document(name: str, arguments: list[Any]) -> dict[str, Any]:
     return found
 
 
-#: Commands that need an agent, a network or minutes: their keys are read from their source.
+#: Commands that need an agent, a network, minutes or Ctrl-C: their keys are read from their source.
 NOT_CALLED = {
     "agent check", "agent install", "agent list", "baseline install", "baseline run",
     "bench judges", "bench make", "bench table", "blender finalise", "import", "reconstruct",
     "trajectory pairs", "trajectory pick", "trajectory report", "trajectory score",
-    "trajectory show",
+    "trajectory show", "view",
 }  # fmt: skip
 
 
