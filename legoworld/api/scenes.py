@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
-from legoworld.api.arguments import check_arguments
+from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.cameras import (
     AnyCamera,
     CameraOptions,
@@ -33,7 +33,7 @@ from legoworld.running.inspection import LabelledScene, OpenScene, label, look
 from legoworld.running.inspection import open_scene as read_folder
 from legoworld.running.scene_views import SceneViews
 from legoworld.scene.blender_process import BlenderProcess
-from legoworld.scene.folder import Source, scene_at
+from legoworld.scene.folder import PICTURE, Source, scene_at
 from legoworld.scene.snapshot import SceneCamera
 from legoworld.tasks.shipped import TaskName
 from legoworld.tracks.track import Track
@@ -197,6 +197,20 @@ class Scene:
         elif isinstance(cameras, str | Path):
             cameras = read_cameras(cameras)
         return self.views_by(load_protocol(task, track), cameras, size_wh, workers)
+
+    @check_arguments
+    def animate(self, file: str | Path, photo: str | Path | None = None) -> None:
+        """Write a looping WebP to show others: photo, render, and the surfaces from around.
+
+        photo: without one it begins with the scene's final.png, or with the surfaces alone where
+        there is none. UsageError where the active camera sees no surface; LegoWorldError for a
+        photo that is no picture.
+        """
+        from legoworld.api.animation import write_animation  # Pillow, for a few callers
+
+        path = self._opened.folder.path / PICTURE
+        render = path if path.is_file() else None
+        write_animation(self, Path(file), optional_path(photo), render)
 
     def views_by(
         self,

@@ -12,7 +12,7 @@ from legoworld import exit_codes
 from legoworld.commands import options, sources
 from legoworld.commands.options import flag, option
 from legoworld.commands.output import Output, table
-from legoworld.commands.param_types import EXISTING_SCENES, TaskChoice
+from legoworld.commands.param_types import EXISTING_SCENES, FILE, TaskChoice
 from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.pluralize import plural
 from legoworld.remote import Place
@@ -39,6 +39,11 @@ if TYPE_CHECKING:
 )
 @flag("--allow-changed", "Inspect a scene even if its files changed since it was frozen.")
 @option("--output", "Folder for buffers and pictures.", required=False)
+@option(
+    "--animation",
+    "Also write a looping WebP: the photo, the render, and the surfaces from around.",
+    FILE,
+)
 @options.cache
 @options.limits
 @options.printing
@@ -50,6 +55,7 @@ def command(
     track: Path | None,
     compare_sources: bool,
     output: Path | None,
+    animation: Path | None,
     out: Output,
     **given: Unpack[SceneOptions],
 ) -> int:
@@ -67,7 +73,7 @@ def command(
     \b
     Examples:
       legoworld inspect kitchen.blend
-      legoworld inspect scenes/coffee --photo coffee.png -o look
+      legoworld inspect scenes/coffee --photo coffee.png -o look --animation coffee.webp
       legoworld inspect scenes/coffee --compare-sources --track track.json
       legoworld inspect s3://bucket/scenes/coffee --size 1200x800 --task lvis --json
     """
@@ -77,7 +83,8 @@ def command(
 
     if compare_sources:
         options.refuse_given(
-            ["allow_changed"], "cannot be combined with --compare-sources: freeze first"
+            ["allow_changed", "animation"],
+            "cannot be combined with --compare-sources: freeze, or show one of them, first",
         )
         options.refuse_given(
             ["source"], "cannot be combined with --compare-sources: both files are read"
@@ -104,9 +111,12 @@ def command(
                 blend.save(output / "blend", photo)
                 glb.save(output / "glb", photo)
             return sources.show(blend.compared_with(glb), out)
-        view = look(here, size_wh)
+        opened = open_scene(here, **given)
+        view = opened.view_by(reading, size_wh)
         if output is not None:
             view.save(output, photo)
+        if animation is not None:
+            opened.animate(animation, photo)
     out.show(view.to_dict, _lines(view, output, out))
     return exit_codes.DONE
 
