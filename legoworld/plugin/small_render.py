@@ -12,6 +12,7 @@ from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.open_scene import CardRender, card_request
 from legoworld.scene.pictures import decoded_picture
+from legoworld.scene.requests import StandRequest
 
 #: Cycles, few samples, no denoising: noise averages out over a region.
 _LONGEST_PX: Final = 192
@@ -40,11 +41,15 @@ def render_copy(
     *,
     samples: int,
     denoise: bool = False,
+    stand: StandRequest | None = None,
 ) -> bytes:
-    """The PNG of a .blend's camera view at a size, without metadata: equal scenes, equal bytes."""
+    """The PNG of a .blend's camera view at a size, without metadata: equal scenes, equal bytes.
+
+    stand: where the camera is put before; None where it stays.
+    """
     output = blender.workspace("legoworld-live-") / "render.png"
     output.unlink(missing_ok=True)
-    card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=denoise)
+    card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=denoise, stand=stand)
     blender.request(
         {
             "kind": "card_render",
