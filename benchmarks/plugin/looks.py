@@ -22,7 +22,6 @@ from copies import SMALLEST_PX
 
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.plugin.entities import Entities
-from legoworld.plugin.looks import PANE_PX
 from legoworld.plugin.measure import surface_pixels, surface_view
 from legoworld.plugin.small_render import render_copy
 from legoworld.plugin.state import read_live
@@ -30,6 +29,7 @@ from legoworld.readouts.pictures import read_photo
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.pictures import decoded_picture
 
+PANE_PX = 256
 EDIT = """
 import random, sys
 import bpy

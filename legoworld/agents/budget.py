@@ -13,10 +13,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from msgspec.structs import replace
+
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.prices import PriceCard
 from legoworld.errors import UsageError
 from legoworld.records.agents import UNLIMITED, Budget, OverBudget, TranscriptFormat, Usage
+from legoworld.records.base import as_json
+from legoworld.trajectories.join_parts import join_trajectories
 from legoworld.trajectories.transcripts import read_transcript, total_usage
 
 #: Transcripts that count each request as it ends; the others count at their end alone.
@@ -29,12 +33,8 @@ def plan_budget(card: AgentCard, asked: Budget) -> Budget:
 
     UsageError for tokens or dollars of an agent that counts them only when it has ended.
     """
-    own = card.about.budget
-    budget = Budget(
-        calls=asked.calls or own.calls,
-        tokens=asked.tokens or own.tokens,
-        cost_usd=asked.cost_usd or own.cost_usd,
-    )
+    asked_for = {key: value for key, value in as_json(asked).items() if value is not None}
+    budget = replace(card.about.budget, **asked_for)
     kind = card.about.transcript.format
     if (budget.tokens or budget.cost_usd) and kind not in _COUNTING:
         raise UsageError(
@@ -56,24 +56,12 @@ def read_usage(
     paths: Sequence[Path], kind: TranscriptFormat, model: str | None, prices: PriceCard
 ) -> Usage:
     """What the parts of an unfinished transcript count, and its cost by the price card."""
-    parts = [
-        total_usage(read_transcript(path, kind, agent="", version="", prompt="")) for path in paths
-    ]
-
-    def summed(name: str) -> int | None:
-        counts = [n for part in parts if (n := getattr(part, name)) is not None]
-        return sum(counts) if counts else None
-
-    prompt, cached = summed("prompt_tokens"), summed("cached_tokens")
-    completion, price = summed("completion_tokens"), prices.find_price(model)
-    costs = [part.cost_usd for part in parts if part.cost_usd is not None]
-    by_card = price.cost_usd(prompt or 0, cached or 0, completion or 0) if price else None
-    return Usage(
-        prompt_tokens=prompt,
-        cached_tokens=cached,
-        completion_tokens=completion,
-        cost_usd=sum(costs) if costs else by_card,
-    )
+    parts = [read_transcript(path, kind, agent="", version="", prompt="") for path in paths]
+    usage, price = total_usage(join_trajectories(parts)), prices.find_price(model)
+    if price is None or usage.cost_usd is not None:
+        return usage
+    counts = (usage.prompt_tokens, usage.cached_tokens, usage.completion_tokens)
+    return replace(usage, cost_usd=price.cost_usd(*(n or 0 for n in counts)))
 
 
 class BudgetWatch:
@@ -94,24 +82,23 @@ class BudgetWatch:
     def ends(self, end: Callable[[], None]) -> Iterator[None]:
         """Call `end` when the budget is spent during the block."""
         looking = threading.Thread(target=self._look, args=(end,), daemon=True)
-        if self._budget != UNLIMITED:
-            looking.start()
+        looking.start()
         try:
             yield
         finally:
             self._done.set()
-            if looking.is_alive():
-                looking.join()
+            looking.join()
 
     def _look(self, end: Callable[[], None]) -> None:
         pause = _LOOK_EVERY_S
-        while self.over is None and not self._done.wait(pause):
+        while self._budget != UNLIMITED and not self._done.wait(pause):
             began = time.thread_time()
             self.over = self._spent()
+            if self.over is not None:
+                end()
+                return
             # Reading a long transcript takes time: at most a twentieth of it.
             pause = max(_LOOK_EVERY_S, 20 * (time.thread_time() - began))
-        if self.over is not None:
-            end()
 
     def _spent(self) -> OverBudget | None:
         if self._refused():

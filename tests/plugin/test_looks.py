@@ -13,9 +13,10 @@ from mcp import Client
 from plugin.synthetic import evidence_with
 
 from legoworld.errors import UsageError
-from legoworld.plugin.looks import Viewpoint, difference, draw_geometry, find_camera, look
 from legoworld.plugin.open_ledger import TransactionError
 from legoworld.plugin.server import plugin_server
+from legoworld.plugin.server_looks import Looking, difference, draw_geometry, look
+from legoworld.plugin.viewpoints import Viewpoint, find_camera
 from legoworld.records.plugin_ledger import Declaration
 from legoworld.visibility.camera import projection
 
@@ -76,10 +77,10 @@ def test_cameras_by_name_by_points_and_none(live):
 @pytest.mark.parametrize(
     ("at", "why"),
     [
-        (Viewpoint(camera="Nobody"), "no such camera"),
+        (Viewpoint(camera="Nobody"), "no such viewpoint.*Nobody.*Camera"),
         (Viewpoint(around="Tabel"), "Table"),
-        (Viewpoint(around="Table", camera="Camera"), "not one"),
-        (Viewpoint(from_m=(0, 0, 1)), "not one"),
+        (Viewpoint(around="Table", camera="Camera"), "half of one"),
+        (Viewpoint(from_m=(0, 0, 1)), "half of one"),
         (Viewpoint(from_m=(0, 0, 1), to_m=(0, 0, 1)), "one point"),
     ],
 )
@@ -107,16 +108,16 @@ def test_a_difference_says_which_is_brighter():
 def test_a_look_before_and_after_an_edit(case, blender_code):
     at = Viewpoint(around="Table", elevation_deg=60.0)
     with pytest.raises(TransactionError, match="no transaction"):
-        look(case, at, beside="before", draw="geometry", pane_px=64)
+        look(case, Looking(at=at, beside="before", draw="geometry", pane_px=64))
     case.begin(Declaration(editable=("Cup",), kinds=("transform",)))
-    made, png = look(case, at, beside="before", draw="geometry", pane_px=64)
+    made, png = look(case, Looking(at=at, beside="before", draw="geometry", pane_px=64))
     assert (made.panes, made.size_wh) == (("before", "scene", "difference"), (64, 48))
     picture = decoded(png)
     assert picture.shape == (48, 192, 3)
     assert (picture[:, 128:] == 255).all()
     assert (picture[:, :64] == picture[:, 64:128]).all()
     blender_code.run("import bpy; bpy.data.objects['Cup'].location.x += 0.5")
-    edited = decoded(look(case, at, beside="before", draw="geometry", pane_px=64)[1])
+    edited = decoded(look(case, Looking(at=at, beside="before", draw="geometry", pane_px=64))[1])
     assert (edited[:, :64] == picture[:, :64]).all()
     changed = (edited[:, 128:] != 255).any(axis=2)
     assert 0 < changed.sum() < changed.size / 4
@@ -130,19 +131,19 @@ def test_a_look_before_and_after_an_edit(case, blender_code):
 def test_a_render_from_the_side_beside_none_and_the_photo(case, blender_code):
     lit = "lamp = bpy.data.objects['Lamp']; lamp.location, lamp.data.energy = (0, -2, 3), 500"
     blender_code.run(f"import bpy; {lit}")
-    own = decoded(look(case, Viewpoint(), beside="nothing", draw="render", pane_px=64)[1])
+    own = decoded(
+        look(case, Looking(at=Viewpoint(), beside="nothing", draw="render", pane_px=64))[1]
+    )
     aside = Viewpoint(around="Chair", azimuth_deg=45.0)
-    side = decoded(look(case, aside, beside="nothing", draw="render", pane_px=64)[1])
+    side = decoded(look(case, Looking(at=aside, beside="nothing", draw="render", pane_px=64))[1])
     assert own.shape == side.shape == (48, 64, 3)
     assert np.abs(own.astype(int) - side).max() > 30
     with pytest.raises(UsageError, match="no photo"):
-        look(case, Viewpoint(), beside="photo", draw="render", pane_px=64)
+        look(case, Looking(at=Viewpoint(), beside="photo", draw="render", pane_px=64))
     case.evidence = dataclasses.replace(evidence_with([], photo=PHOTO, size=(160, 120)))
     with pytest.raises(UsageError, match="another camera"):
-        look(case, aside, beside="photo", draw="render", pane_px=64)
-    with pytest.raises(UsageError, match="16 to 640"):
-        look(case, Viewpoint(), beside="nothing", draw="render", pane_px=4000)
-    made, png = look(case, Viewpoint(), beside="photo", draw="render", pane_px=64)
+        look(case, Looking(at=aside, beside="photo", draw="render", pane_px=64))
+    made, png = look(case, Looking(at=Viewpoint(), beside="photo", draw="render", pane_px=64))
     assert made.panes == ("photo", "scene", "difference")
     picture = decoded(png)
     assert (picture[:, :64] == 90).all()
