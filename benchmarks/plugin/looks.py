@@ -4,8 +4,8 @@
 
 One object of a scene is moved by 0.3 to 0.6 m along the ground, the scene is rendered as `look`
 does, and its objects are ranked by the mean difference from the photo over the pixels that show
-them. No region, depth or ground truth enters. With --relit the edited scene has every material's
-colour and every light's power changed, as a reconstruction has: then all objects differ.
+them. No region, depth or ground truth enters. With --relit every light of the edited scene has 0.7
+to 1.4 times its power: then all objects differ.
 """
 
 from __future__ import annotations
@@ -42,11 +42,6 @@ chance = random.Random(name)
 if relit == "True":
     for light in bpy.data.lights:
         light.energy *= chance.uniform(0.7, 1.4)
-    for material in bpy.data.materials:
-        for node in material.node_tree.nodes if material.node_tree else ():
-            if node.type == "BSDF_PRINCIPLED":
-                color = node.inputs["Base Color"].default_value
-                color[:3] = [max(0.0, min(1.0, c + chance.uniform(-0.15, 0.15))) for c in color[:3]]
 bpy.ops.wm.save_as_mainfile(filepath=output, relative_remap=True)
 """
 
