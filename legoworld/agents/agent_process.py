@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.agent_cards import AgentCard
+from legoworld.agents.budget import BudgetWatch
 from legoworld.agents.exposed_paths import exposed_paths
 from legoworld.agents.mcp_server import (
     PLAYER,
@@ -39,7 +40,7 @@ class Order:
 
     port: of its Blender; plugin_port: of the plugin's server, None without it; steps: what
     `program` plays, else None; model: None for its own; continues: whether a part of the trial is
-    made already.
+    made already; watch: what ends it where its budget is spent.
     """
 
     card: AgentCard
@@ -52,6 +53,7 @@ class Order:
     limits: SandboxLimits
     continues: bool
     unfinished: UnfinishedTrial
+    watch: BudgetWatch
 
 
 def run_agent(order: Order, stop: Stop) -> Ending:
@@ -95,7 +97,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         program = shutil.which(command[0]) or command[0]
         kept = str(sandbox.path_inside("output") / _STDOUT)
         sandbox.start([*_KEEPING, kept, program, *command[1:]], exposed_paths(order.card))
-        with stop.ends(sandbox.stop):
+        with stop.ends(sandbox.stop), order.watch.ends(sandbox.stop):
             ending = sandbox.wait()
         order.unfinished.take_transcript(output_name(order.card))
     return ending

@@ -13,7 +13,7 @@ from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import MEMORY_LIMIT_GIB
 from legoworld.errors import UsageError
 from legoworld.plugin.modules import modules_without
-from legoworld.records.agents import TrialRow
+from legoworld.records.agents import Budget, TrialRow
 from legoworld.workers.engines import EngineName
 from legoworld.workers.protections import Confinement
 
@@ -39,6 +39,9 @@ def reconstruct(
     engine: EngineName = "local",
     sandbox: Confinement = "auto",
     trial_limit_s: float | None = None,
+    max_calls: int | None = None,
+    max_tokens: int | None = None,
+    max_cost: float | None = None,
     memory_limit_gib: float = MEMORY_LIMIT_GIB,
     listener: Listener = SILENT,
 ) -> list[TrialRow]:
@@ -46,8 +49,9 @@ def reconstruct(
 
     agent: a name, or the path of a card. programs: what the agent `program` plays. repeat: number
     of independent runs, above 1 each in output/run_K. plugin: give agents the plugin's server, too:
-    `without` leaves modules out, regions and depth are its evidence. trial_limit_s: None for the
-    card's. `listener.trial` gets each row as its trial ends. Repeat the call to resume.
+    `without` leaves modules out, regions and depth are its evidence. trial_limit_s, max_calls,
+    max_tokens and max_cost (US dollars): of one trial, None for the card's. `listener.trial` gets
+    each row as its trial ends. Repeat the call to resume.
     """
     if not plugin and (without or regions or depth):
         raise UsageError(
@@ -64,6 +68,7 @@ def reconstruct(
         programs=optional_path(programs),
         model=model,
         time_limit_s=trial_limit_s,
+        budget=Budget(calls=max_calls, tokens=max_tokens, cost_usd=max_cost),
         memory_bytes=int(memory_limit_gib * 2**30),
         sandbox=sandbox,
         plugin=PluginOptions(

@@ -181,8 +181,11 @@ def _refuse_other_campaign(
 ) -> None:
     used = plan.plugin.provenance if plan.plugin else None
     theirs_used = recorded.plugin if isinstance(recorded, ReconstructionFile) else None
-    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used)
-    theirs = (recorded.card_sha256, recorded.prompt_sha256, recorded.time_limit_s, theirs_used)
+    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used, plan.budget)
+    theirs = (
+        recorded.card_sha256, recorded.prompt_sha256, recorded.time_limit_s, theirs_used,
+        recorded.budget,
+    )  # fmt: skip
     if ours != theirs:
         raise UsageError(
             f"{target} is of another campaign",

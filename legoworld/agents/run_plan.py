@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld.agents.agent_cards import agent_problems, load_agent
+from legoworld.agents.budget import plan_budget
 from legoworld.agents.exposed_paths import refuse_exposed, version_in_sandbox
 from legoworld.agents.prices import read_prices
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import load_trial_setup
 from legoworld.errors import UsageError
+from legoworld.records.agents import UNLIMITED, Budget
 from legoworld.workers.protections import Confinement, protections
 from legoworld.workers.sandbox import SandboxLimits
 
@@ -26,6 +28,7 @@ def plan_run(
     time_limit_s: float | None,
     memory_bytes: int,
     sandbox: Confinement,
+    budget: Budget = UNLIMITED,
     plugin: PluginOptions | None = None,
     prices: Path | None = None,
     output: Path | None = None,
@@ -72,5 +75,6 @@ def plan_run(
         programs=None if programs is None else programs.resolve(),
         model=model,
         prices=read_prices(prices),
+        budget=plan_budget(card, budget),
         plugin=plan_plugin(plugin, work) if plugin else None,
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.agents.agent_process import Order, output_name, run_agent
+from legoworld.agents.budget import BudgetWatch, read_usage
 from legoworld.agents.recorded_steps import encode_steps, remaining_steps
 from legoworld.agents.stop import Stop
 from legoworld.agents.trial_plan import TrialPlan
@@ -23,7 +24,7 @@ from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import LegoWorldError
-from legoworld.records.agents import EndedAgent, ReconstructionFile, RecordedStep
+from legoworld.records.agents import EndedAgent, ReconstructionFile, RecordedStep, Usage
 from legoworld.records.atif import AtifTrajectory
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.track_making.make_track import find_photo
@@ -129,6 +130,7 @@ def _agent_part(
         limits=plan.limits,
         held=plan.blender_held,
         lease=unfinished.lease,
+        calls=plan.budget.calls,
     )
     with (
         closing(Session(trial)) as session,
@@ -144,6 +146,11 @@ def _agent_part(
             return EndedAgent(code=None, over="time", last_output="", seconds=used_s), record
         session.start()
         unfinished.agent.mkdir()
+        watch = BudgetWatch(
+            plan.budget,
+            refused=lambda: session.over_calls,
+            usage=lambda: _usage_so_far(plan, unfinished),
+        )
         order = Order(
             card=plan.card,
             workspace=workspace,
@@ -155,14 +162,23 @@ def _agent_part(
             limits=replace(plan.limits, time_s=left_s),
             continues=continues,
             unfinished=unfinished,
+            watch=watch,
         )
         session.restart_clock(used_s)  # Blender's start is not in the agent's budget
         started = time.monotonic()
         ending = run_agent(order, stop)
         seconds = used_s + time.monotonic() - started
         session.keep_last_save()
-    said = ending.last_output[-_KEPT_OUTPUT:]
-    return EndedAgent(code=ending.code, over=ending.over, last_output=said, seconds=seconds), record
+    said, over = ending.last_output[-_KEPT_OUTPUT:], ending.over or watch.over
+    code = None if watch.over else ending.code
+    return EndedAgent(code=code, over=over, last_output=said, seconds=seconds), record
+
+
+def _usage_so_far(plan: TrialPlan, unfinished: UnfinishedTrial) -> Usage:
+    """What the agent has used, by its transcript as far as it is written."""
+    unfinished.take_transcript(output_name(plan.card))
+    kind = plan.card.about.transcript.format
+    return read_usage(unfinished.transcripts(), kind, plan.model, plan.prices)
 
 
 @contextmanager

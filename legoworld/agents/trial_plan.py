@@ -9,6 +9,7 @@ from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.prices import PriceCard
 from legoworld.agents.trial_plugin import PluginPlan
 from legoworld.agents.workspaces import TrialSetup
+from legoworld.records.agents import UNLIMITED, Budget
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 
@@ -19,7 +20,7 @@ class TrialPlan:
 
     limits: of a trial's Blender and of its agent each; agent_held, blender_held: their sandboxes;
     programs: the folder `program` finds its programs in, else None; model: None for the agent's
-    own; prices: what tokens cost; plugin: None for trials without it.
+    own; prices: what tokens cost; budget: of each trial; plugin: None for trials without it.
     """
 
     card: AgentCard
@@ -31,4 +32,5 @@ class TrialPlan:
     programs: Path | None
     model: str | None
     prices: PriceCard
+    budget: Budget = UNLIMITED
     plugin: PluginPlan | None = None

@@ -80,6 +80,7 @@ def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> Recons
         ended=ended.over or "itself",
         exit_code=ended.code,
         time_limit_s=plan.limits.time_s,
+        budget=plan.budget,
         seconds=round(outcome.seconds, 3),
         agent_seconds=round(ended.seconds, 3),
         calls=len(calls),

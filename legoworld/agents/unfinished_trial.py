@@ -193,6 +193,7 @@ def identity(plan: TrialPlan, image: TrackImage, parts: tuple[int, ...]) -> Begu
         card_sha256=plan.card.sha256,
         prompt_sha256=plan.work.prompt_sha256,
         time_limit_s=plan.limits.time_s,
+        budget=plan.budget,
         parts=parts,
     )
 

@@ -33,6 +33,7 @@ _OF_MODULES: Final[dict[Module, str]] = {
     "transactions": "begin declares an edit, commit judges it, rollback undoes it. Declare every"
     " edit of a scene that stands already.",
     "records": "history and review show what was done and measured.",
+    "looking": "look shows the scene from any side, beside the image, or before and after an edit.",
 }
 REFERENCE: Final = "reference"
 PUBLIC: Final = "task.json"

@@ -35,6 +35,13 @@ if TYPE_CHECKING:
     "Seconds of one trial [default: the card's].",
     click.FloatRange(min=1),
 )
+@option("--max-calls", "Calls to Blender of one trial [default: the card's, or any].", COUNT)
+@option("--max-tokens", "Tokens of one trial, cached ones included [default: the same].", COUNT)
+@option(
+    "--max-cost",
+    "US dollars of one trial [default: the same].",
+    click.FloatRange(min=0, min_open=True),
+)
 @option("--memory-limit", "Memory limit of Blender, and of the agent, in GiB.")
 @option("--sandbox")
 @flag("--plugin", "Give agents the plugin's server as well.")

@@ -150,11 +150,16 @@ def report(
 @click.argument("scenes", type=EXISTING_FOLDER)
 @option(
     "--by",
-    "last: the open scene at the end; residuals: what the plugin measures.",
-    Choice(["last", "residuals"]),
+    "last: the open scene at the end; residuals: what the plugin measures; regions: of several "
+    "runs over a photo, whichever fits its regions best.",
+    Choice(["last", "residuals", "regions"]),
     required=True,
 )
-@option("--evidence", "<scene>/requirements.json and public evidence, for residuals.")
+@option(
+    "--evidence",
+    "<scene>/ with public evidence, and requirements.json for residuals [for regions: the runs' "
+    "own].",
+)
 @option("--scores")
 @option("--output", "Folder of the scenes.")
 @option("--sandbox")
@@ -168,6 +173,7 @@ def pick(scenes: Path, scores: Path | None, output: Path, out: Output, **given: 
     Examples:
       legoworld trajectory pick scenes --by last -o scenes-last
       legoworld trajectory pick scenes --by residuals --evidence evidence -o scenes-picked
+      legoworld trajectory pick scenes --by regions -o scenes-best
     """
     from legoworld.trajectories.api import trajectory_pick
     from legoworld.trajectories.page import final_scores, read_scores
@@ -176,8 +182,10 @@ def pick(scenes: Path, scores: Path | None, output: Path, out: Output, **given: 
     picks = trajectory_pick(scenes, output, listener=out.listener(), **given)
     document = read_scores(scores)
     saved = saved_regret(picks, final_scores(document)) if document else None
-    other = sum(p.ordinal != p.submitted for p in picks)
+    other = sum(p.run is None and p.ordinal != p.submitted for p in picks)
     lines = [f"{other} of {len(picks)} submissions are another checkpoint -> {output}"]
+    if given["by"] == "regions":
+        lines = [f"{plural(len(picks), 'run', 'runs')} picked -> {output}"]
     if saved is not None:
         of = plural(saved[1], "scene", "scenes")
         lines.append(f"mean regret saved: {saved[0]:+.4f} over {of}")

@@ -51,7 +51,8 @@ class Trial:
 
     workspace: the folder Blender can write to; record: where calls and checkpoints are kept, which
     it cannot write to; limits: of the whole trial; inputs: what Blender can read besides; blend:
-    the scene to begin with; lease: a descriptor that Blender's keeper holds until all has ended.
+    the scene to begin with; lease: a descriptor that Blender's keeper holds until all has ended;
+    calls: so many of the agent's are answered, None for all.
     """
 
     workspace: Path
@@ -62,6 +63,7 @@ class Trial:
     blend: Path | None = None
     call_time_s: float = CALL_TIME_S
     lease: int | None = None
+    calls: int | None = None
 
 
 class ScenePassedOverError(LegoWorldError):
@@ -88,6 +90,8 @@ class Session:
         self._live_sha256 = ""
         #: Why the open scene is not the last one; cleared once reported to a client.
         self._passed_over = ""
+        #: Whether a call above the trial's was asked for.
+        self.over_calls = False
         #: Of the file that was looked at last; a continued trial looks at what is there once more.
         self._saved: tuple[int, ...] | None = None if rows else self._saved_stamp()
 
@@ -118,6 +122,10 @@ class Session:
             if self._left_s() <= 0:
                 over = f"the trial's {self._trial.limits.time_s:g} s are over"
                 return Failure(message=f"{over}; no further call is possible")
+            most = self._trial.calls
+            if most and by == "agent" and sum(c.by == by for c in self._record.calls) >= most:
+                self.over_calls = True
+                return Failure(message=f"all {most} calls are made; no further call is possible")
             return self._answer_command(command, by)
 
     def keep_last_save(self) -> None:

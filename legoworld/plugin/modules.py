@@ -24,6 +24,7 @@ TOOLS: Final[dict[str, Module]] = {
     "history": "records",
     "review": "records",
     "export": "records",
+    "look": "looking",
 }
 
 

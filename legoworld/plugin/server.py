@@ -13,6 +13,7 @@ from legoworld.plugin.modules import MODULES, tools_off
 from legoworld.plugin.server_answers import JsonObject, answer, decode_arguments, one_at_a_time
 from legoworld.plugin.server_final_steps import add_finishing, kept_pictures
 from legoworld.plugin.server_initialisation import add_initialisation
+from legoworld.plugin.server_looks import add_looking
 from legoworld.records.base import as_json
 from legoworld.records.plugin_install import Module
 from legoworld.records.plugin_ledger import Declaration
@@ -146,6 +147,7 @@ def plugin_server(
 
     add_initialisation(server, case, evidence)
     add_finishing(server, case)
+    add_looking(server, case)
     for name in tools_off(modules):
         with contextlib.suppress(ToolError):
             server.remove_tool(name)

@@ -12,6 +12,8 @@ from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.open_scene import CardRender, card_request
 from legoworld.scene.pictures import decoded_picture
+from legoworld.scene.requests import StandRequest
+from legoworld.scene.snapshot import SceneCamera
 
 #: Cycles, few samples, no denoising: noise averages out over a region.
 _LONGEST_PX: Final = 192
@@ -40,11 +42,21 @@ def render_copy(
     *,
     samples: int,
     denoise: bool = False,
+    camera: SceneCamera | None = None,
 ) -> bytes:
-    """The PNG of a .blend's camera view at a size, without metadata: equal scenes, equal bytes."""
+    """The PNG of a .blend's camera view at a size, without metadata: equal scenes, equal bytes.
+
+    camera: one of the scene's by its name, at the pose and planes that it has here; None for the
+    active one.
+    """
     output = blender.workspace("legoworld-live-") / "render.png"
     output.unlink(missing_ok=True)
-    card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=denoise)
+    stand: StandRequest | None = None
+    if camera is not None:
+        clip = (camera.clip_start, camera.clip_end)
+        pose = camera.world_from_camera
+        stand = {"world_from_camera": pose, "zoom": 1.0, "camera": camera.name, "clip": clip}
+    card = CardRender(size_wh=size_wh, samples=samples, seed=0, denoise=denoise, stand=stand)
     blender.request(
         {
             "kind": "card_render",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta, field
@@ -46,6 +46,21 @@ class AgentNeeds(Record, frozen=True, kw_only=True):
     programs: bool = False
 
 
+class Budget(Record, frozen=True, kw_only=True):
+    """What a trial may spend besides its time; null for no limit.
+
+    calls: to Blender; tokens: of all requests, cached ones included.
+    """
+
+    calls: Annotated[int, Meta(gt=0)] | None = None
+    tokens: Annotated[int, Meta(gt=0)] | None = None
+    cost_usd: Annotated[float, Meta(gt=0)] | None = None
+
+
+UNLIMITED: Final = Budget()
+OverBudget = Literal["calls", "tokens", "cost"]
+
+
 class AgentCardFile(Record, frozen=True, kw_only=True):
     """A card of legoworld/agents/cards.
 
@@ -81,6 +96,7 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     continue_command: tuple[str, ...] = ()
     session_folders: tuple[str, ...] = ()
     time_limit_s: Annotated[float, Meta(gt=0)]
+    budget: Budget = Budget()
     mcp: AgentMcp
     transcript: AgentTranscript
     needs: AgentNeeds
@@ -178,9 +194,13 @@ class ReconstructionFile(Record, frozen=True, kw_only=True):
     prompt_sha256: str
     status: Outcome
     reason: str
-    ended: Literal["itself", "time", "memory", "disk", "output", "processes", "not_started"]
+    ended: Literal[
+        "itself", "time", "memory", "disk", "output", "processes", "not_started", "calls", "tokens",
+        "cost",
+    ]  # fmt: skip
     exit_code: int | None
     time_limit_s: float
+    budget: Budget = Budget()
     seconds: float
     agent_seconds: float
     calls: int
@@ -208,6 +228,7 @@ class BegunTrial(Record, frozen=True, kw_only=True):
     card_sha256: str
     prompt_sha256: str
     time_limit_s: float
+    budget: Budget = Budget()
     parts: tuple[int, ...]
 
 
@@ -218,7 +239,7 @@ class EndedAgent(Record, frozen=True, kw_only=True):
     """
 
     code: int | None
-    over: Literal["time", "memory", "disk", "output", "processes"] | None
+    over: Literal["time", "memory", "disk", "output", "processes"] | OverBudget | None
     last_output: str
     seconds: float
 

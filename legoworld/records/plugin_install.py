@@ -6,7 +6,7 @@ from typing import Literal
 
 from legoworld.records.base import Record
 
-Module = Literal["evidence", "initialisation", "measurement", "transactions", "records"]
+Module = Literal["evidence", "initialisation", "measurement", "transactions", "records", "looking"]
 
 
 class PluginUsed(Record, frozen=True, kw_only=True):

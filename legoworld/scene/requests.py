@@ -26,11 +26,14 @@ class CardRequest(TypedDict):
 class StandRequest(TypedDict):
     """Another pose of the active camera: (3, 4) rows in scene units, OpenCV axes.
 
-    zoom: what its focal length is multiplied by.
+    zoom: what its focal length is multiplied by. camera: the name of another one whose optics are
+    taken; clip: its near and far planes; both left out where the active camera's own are.
     """
 
     world_from_camera: Sequence[Sequence[float]]
     zoom: float
+    camera: NotRequired[str]
+    clip: NotRequired[tuple[float, float]]
 
 
 class CaseRequest(TypedDict):

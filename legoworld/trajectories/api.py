@@ -103,7 +103,8 @@ def trajectory_pick(
     """Choose each trial's submission again among its checkpoints, by public signals alone.
 
     by: "last", the open scene at the end, or "residuals", what the plugin measures against
-    evidence/<scene>. Each choice becomes a frozen scene folder below `output`.
+    evidence/<scene>; "regions": among the runs over a photo, whichever fits its regions best, by
+    evidence/<scene> or the runs' own. Each choice becomes a frozen scene folder below `output`.
     """
     plan = PickPlan(
         by=by,

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from msgspec import field
+
 from legoworld.endpoint.blender import BlenderEndedError
 from legoworld.endpoint.finalisation import export_submission
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
@@ -21,22 +23,24 @@ from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import PROVENANCE, SceneFolder
+from legoworld.trajectories.best_run import Fit, best_run
 from legoworld.trajectories.clearly_better import clearly_best
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, RecordedTrial, recorded_trials
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import scratch_folder
 
-By = Literal["last", "residuals"]
+By = Literal["last", "residuals", "regions"]
 PICKED: Final = "picked.json"
 REQUIREMENTS: Final = "requirements.json"
 
 
 class Pick(Record, frozen=True, kw_only=True):
-    """picked.json of a scene folder: which checkpoint was taken, and the public reason.
+    """picked.json of a scene folder: which checkpoint or run was taken, and the public reason.
 
     ordinal: null where no checkpoint opens; passed, failed, unknown: of the requirements, by
-    checkpoint, empty for `last`.
+    checkpoint, empty for `last`. run: the folder of the run that was taken among several; fits: by
+    run, the IoU of each region with the object that is matched to it.
     """
 
     by: By
@@ -45,6 +49,8 @@ class Pick(Record, frozen=True, kw_only=True):
     sha256: str | None
     submitted: int | None
     passed: dict[str, tuple[int, int, int]]
+    run: str | None = None
+    fits: dict[str, Fit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +65,10 @@ class PickPlan:
 
 
 def pick(scenes: Path, output: Path, plan: PickPlan) -> list[Pick]:
-    """Write each trial's chosen checkpoint as a frozen scene folder into `output`."""
+    """Write each trial's chosen checkpoint as a frozen scene folder into `output`.
+
+    By regions: each photo's chosen run.
+    """
     if plan.by == "residuals" and plan.evidence is None:
         raise UsageError(
             "residuals need something to measure against",
@@ -69,12 +78,54 @@ def pick(scenes: Path, output: Path, plan: PickPlan) -> list[Pick]:
         )
     picks = []
     with BlenderProcess(Limits(memory_bytes=plan.limits.memory_bytes)) as blender:
+        if plan.by == "regions":
+            return _pick_runs(scenes, output, plan, blender)
         for trial in recorded_trials(scenes):
             chosen, counts = _choose_checkpoint(trial, plan, blender)
             target = output / trial.folder.relative_to(scenes)
             picks.append(_deliver(trial, chosen, counts, target, plan, blender))
             plan.notice(f"{trial.about.scene}: checkpoint {picks[-1].ordinal}")
     return picks
+
+
+def _pick_runs(scenes: Path, output: Path, plan: PickPlan, blender: BlenderProcess) -> list[Pick]:
+    """Copy the run of each scene that fits its regions best."""
+    by_scene: dict[str, list[RecordedTrial]] = {}
+    for trial in recorded_trials(scenes):
+        by_scene.setdefault(trial.about.scene, []).append(trial)
+    picks = []
+    for scene, runs in by_scene.items():
+        evidence = None if plan.evidence is None else plan.evidence / scene
+        best, fits = best_run(runs, evidence, blender, plan.notice)
+        names = [str(run.folder.relative_to(scenes)) for run in runs]
+        record = Pick(
+            by=plan.by,
+            scene=scene,
+            ordinal=None,
+            sha256=None,
+            submitted=best.about.finalisation.checkpoint,
+            passed={},
+            run=str(best.folder.relative_to(scenes)),
+            fits=dict(zip(names, fits, strict=True)),
+        )
+        target = _new_folder(output / scene)
+        with scratch_folder(".picking-", target.parent) as scratch:
+            shutil.copytree(best.folder, scratch / "made")
+            write_text(scratch / "made" / PICKED, readable(record))
+            (scratch / "made").rename(target)
+        picks.append(record)
+        plan.notice(f"{scene}: {record.run}")
+    return picks
+
+
+def _new_folder(target: Path) -> Path:
+    """A scene folder to make, below a folder that is there. UsageError where it exists."""
+    if target.exists():
+        raise UsageError(
+            f"{target} is there already", found="a folder", expected="a new folder of scenes"
+        )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return target
 
 
 def _choose_checkpoint(
@@ -123,10 +174,7 @@ def _deliver(
     blender: BlenderProcess,
 ) -> Pick:
     """Export the chosen checkpoint, with the trial's records beside it, and freeze it."""
-    if target.exists():
-        raise UsageError(
-            f"{target} is there already", found="a folder", expected="a new folder of scenes"
-        )
+    _new_folder(target)
     record = Pick(
         by=plan.by,
         scene=trial.about.scene,
@@ -135,7 +183,6 @@ def _deliver(
         submitted=trial.about.finalisation.checkpoint,
         passed=dict(counts),
     )
-    target.parent.mkdir(parents=True, exist_ok=True)
     with scratch_folder(".picking-", target.parent) as scratch:
         made = scratch / "made"
         made.mkdir()

@@ -9,9 +9,11 @@ from agents.tracks import make_track, server_or_skip
 
 from legoworld.agents.agent_cards import read_agent_card
 from legoworld.agents.agent_process import Order, run_agent
+from legoworld.agents.budget import BudgetWatch
 from legoworld.agents.stop import Stop
 from legoworld.agents.unfinished_trial import UnfinishedTrial
 from legoworld.agents.workspaces import load_trial_setup, make_workspace
+from legoworld.records.agents import UNLIMITED, Usage
 from legoworld.trajectories.folder import TRIAL
 from legoworld.workers.protections import protections
 from legoworld.workers.sandbox import SandboxLimits
@@ -61,7 +63,7 @@ def order(tmp_path, monkeypatch):
         card=read_agent_card(tmp_path / "own.toml"), workspace=workspace, port=9900,
         plugin_port=9901, steps="the steps\n", model=None, held=protections("limits"),
         limits=SandboxLimits(time_s=600.0, memory_bytes=1 << 30), continues=True,
-        unfinished=unfinished,
+        unfinished=unfinished, watch=BudgetWatch(UNLIMITED, lambda: False, Usage),
     )  # fmt: skip
 
 

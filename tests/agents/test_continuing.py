@@ -49,6 +49,10 @@ env = json.load(open(config))["mcpServers"]["blender"]["env"]
 line = socket.create_connection(("127.0.0.1", int(env["BLENDER_PORT"])))
 kept = pathlib.Path(home, "memory/of/it/done")
 done = int(kept.read_text()) if kept.exists() else 0
+plan = pathlib.Path("plan.md")
+if plan.exists():
+    print(json.dumps({"type": "message", "role": "assistant", "content": plan.read_text()}))
+plan.write_text("plan: walls, then chairs")
 for n, code in enumerate(json.loads(os.environ["STEPS"])[done:], start=done + 1):
     line.sendall(json.dumps({"type": "execute_code", "params": {"code": code}}).encode())
     said = line.recv(1 << 16).decode()
@@ -190,7 +194,9 @@ def test_killed_between_calls_an_agent_continues_from_what_it_kept(track: Path):
     assert said_last(trial) == "step 1, step 2, step 3, step 4"
     assert [call.code for call in trial.calls if call.code] == codes()
     said = [str(s.message) for s in trial.trajectory.steps if s.source == "agent"]
-    assert [text.partition(":")[0] for text in said] == [f"call {n}" for n in range(1, 5)]
+    calls = [f"call {n}" for n in range(1, 5)]
+    assert [text.partition(":")[0] for text in said] == [*calls[:2], "plan", *calls[2:]]
+    assert "plan: walls, then chairs" in said, "what it wrote into its workspace is there still"
     assert (trial.folder / "trial" / "transcript-1").is_file()
 
 

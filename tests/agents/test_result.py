@@ -12,6 +12,7 @@ from legoworld.agents import trial_result
 from legoworld.agents.prices import read_prices
 from legoworld.agents.trial_result import TrialOutcome, write_result
 from legoworld.records.agents import (
+    Budget,
     EndedAgent,
     Finalisation,
     PluginCalls,
@@ -48,6 +49,7 @@ def plan(**said):
         "agent_held": AGENT_HELD,
         "blender_held": BLENDER_HELD,
         "plugin": None,
+        "budget": Budget(calls=9),
     }  # fmt: skip
     return SimpleNamespace(**(known | said))
 

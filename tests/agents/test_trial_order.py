@@ -15,7 +15,7 @@ from legoworld.agents.trial import NoPhotoError, run_trial
 from legoworld.agents.unfinished_trial import UnfinishedTrial
 from legoworld.agents.workspaces import Workspace
 from legoworld.endpoint.trial_record import TrialRecord
-from legoworld.records.agents import BegunTrial, EndedAgent
+from legoworld.records.agents import BegunTrial, Budget, EndedAgent
 from legoworld.records.endpoint import Call
 from legoworld.trajectories.folder import TRIAL
 from legoworld.workers.sandbox import SandboxLimits
@@ -46,7 +46,7 @@ class Trial:
             card=SimpleNamespace(name="own", sha256="c", about=about), agent_version=None,
             work=SimpleNamespace(prompt_sha256="p", photos=Path("photos")), model="m",
             limits=SandboxLimits(time_s=100.0, memory_bytes=5), agent_held="agent's",
-            blender_held="blender's", programs=None, plugin=None, prices=None,
+            blender_held="blender's", programs=None, plugin=None, prices=None, budget=Budget(),
         )  # fmt: skip
         self.stop = Stop()
         for name in (

@@ -34,7 +34,14 @@ from legoworld.agents.unfinished_trial import (
 from legoworld.api.listener import Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.records.agents import AgentMcp, BegunTrial, EndedAgent, RecordedStep, Usage
+from legoworld.records.agents import (
+    UNLIMITED,
+    AgentMcp,
+    BegunTrial,
+    EndedAgent,
+    RecordedStep,
+    Usage,
+)
 from legoworld.records.plugin_install import PluginUsed
 from legoworld.trajectories.folder import TRIAL
 
@@ -288,14 +295,14 @@ def test_the_plugin_is_served_with_the_evidence_of_the_track_s_photo(
 
     served(("records", "evidence"))
     assert by == [("the session", 0, {"by": "plugin"})]
-    off = ["initialisation", "measurement", "transactions"]
+    off = ["initialisation", "measurement", "transactions", "looking"]
     begin = [sys.executable, "-m", "legoworld", "plugin", "serve", "--ledger", str(record)]
     begin += ["--blender", "127.0.0.1:4321"]
     words = [word for name in off for word in ("--without", name)]
     shown = ["--evidence", str(record / "evidence"), "--photo", str(photo)]
     assert started == [([*begin, *words, *shown], record / "server.log")]
     assert [into for _, into in evidence] == [record / "evidence"]
-    served(("initialisation", "measurement", "transactions", "records"))
+    served(("initialisation", "measurement", "transactions", "records", "looking"))
     assert started[1][0] == [*begin, "--without", "evidence"]
     assert len(evidence) == 1
 
@@ -347,7 +354,7 @@ def campaign(tmp_path, monkeypatch):
     card = SimpleNamespace(name="own", sha256="c" * 64, about=SimpleNamespace(resume="restart"))
     plan = SimpleNamespace(
         card=card, plugin=None, programs=None, work=SimpleNamespace(prompt_sha256="p" * 64),
-        limits=SimpleNamespace(time_s=60.0, memory_bytes=99),
+        limits=SimpleNamespace(time_s=60.0, memory_bytes=99), budget=UNLIMITED,
     )  # fmt: skip
     images = [SimpleNamespace(id=n, scene=f"deep/s{n}") for n in (2, 1)]
 

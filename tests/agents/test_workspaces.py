@@ -110,9 +110,9 @@ def test_each_module_of_the_plugin_that_is_on_has_a_line(tmp_path):
     assert [line.split()[1] for line in lines] == ["reference_evidence", "history"]
     assert some.endswith("- history and review show what was done and measured.\n")
     assert "- measure" not in some
-    every = load_trial_setup(path, tmp_path / "photos", None, MODULES).template.splitlines()[-5:]
+    every = load_trial_setup(path, tmp_path / "photos", None, MODULES).template.splitlines()[-6:]
     assert [line.split()[1] for line in every] == [
-        "reference_evidence", "initialize", "measure", "begin", "history",
+        "reference_evidence", "initialize", "measure", "begin", "history", "look",
     ]  # fmt: skip
     assert "unknown, with residuals." in every[2]
     assert every[3].endswith("Declare every edit of a scene that stands already.")

@@ -20,6 +20,7 @@ from legoworld.records.plugin_ledger import TransactionLimits
 pytestmark = pytest.mark.blender
 
 TOOLS = {
+    "look",
     "validate",
     "review",
     "export",

@@ -16,8 +16,8 @@ from trajectories.requirement_reports import WANTED, report
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
 from legoworld.files import write_text
 from legoworld.records.base import canonical, decode
+from legoworld.trajectories import best_run, score_checkpoints
 from legoworld.trajectories import pick as picking
-from legoworld.trajectories import score_checkpoints
 from legoworld.trajectories.folder import read_trial
 from legoworld.trajectories.page import final_scores, write_page
 from legoworld.trajectories.pick import Pick, PickPlan, pick, saved_regret
@@ -350,3 +350,58 @@ def test_tokens_count_up_to_each_call_and_the_rest_at_the_end():
     found = tokens_until(SimpleNamespace(steps=steps))
     assert found == [(2, 12), (3, 12), (4, 23), (5, 36)]
     assert tokens_until(SimpleNamespace(steps=[step(None, 1), step(None, 2)])) == []
+
+
+@pytest.fixture
+def three_runs(tmp_path, monkeypatch, blenders):
+    """Three runs of one photo; the second fits best, the third shows nothing."""
+    for number in (1, 2, 3):
+        folder = recorded(tmp_path / "scenes" / f"run_{number}").folder
+        (folder / "scene.blend").write_text(f"run {number}")
+    fits = {"run 1": {"a": 0.5, "b": 0.25}, "run 2": {"a": 0.25, "b": 0.75}}
+
+    def read(blend, blender):
+        assert blender == "the blender"
+        if blend.read_text() not in fits:
+            raise SceneInvalidError("it shows nothing", found="no camera")
+        return blend.read_text()
+
+    regions = ["a", "b"]
+    asked = []
+    known = SimpleNamespace(file=SimpleNamespace(regions=regions))
+    monkeypatch.setattr(best_run, "read_live", read)
+    monkeypatch.setattr(best_run, "read_evidence", lambda path: asked.append(path) or known)
+    monkeypatch.setattr(best_run, "region_fit", lambda scene, _: fits[scene])
+    return SimpleNamespace(scenes=tmp_path / "scenes", fits=fits, regions=regions, asked=asked)
+
+
+def plan_by_regions(said, evidence=None):
+    return PickPlan(by="regions", evidence=evidence, limits=LIMITS, held=HELD, notice=said.append)
+
+
+def test_of_several_runs_the_one_that_fits_its_regions_is_copied(three_runs, tmp_path):
+    said = []
+    (record,) = pick(three_runs.scenes, tmp_path / "out", plan_by_regions(said))
+    folder = tmp_path / "out" / record.scene
+    assert (folder / "scene.blend").read_text() == "run 2"
+    assert decode(Pick, (folder / "picked.json").read_bytes()) == record
+    assert record.run == f"run_2/{record.scene}"
+    assert [*record.fits] == [f"run_{n}/{record.scene}" for n in (1, 2, 3)]
+    assert [*record.fits.values()] == [*three_runs.fits.values(), {}]
+    assert three_runs.asked == [
+        three_runs.scenes / "run_1" / record.scene / "trial" / "plugin" / "evidence"
+    ]
+    assert "it shows nothing" in said[0]
+    with pytest.raises(UsageError, match="there already"):
+        pick(three_runs.scenes, tmp_path / "out", plan_by_regions(said))
+
+
+def test_equal_runs_leave_the_first_and_no_regions_choose_nothing(three_runs, tmp_path):
+    three_runs.fits["run 2"] = three_runs.fits["run 1"]
+    by = plan_by_regions([], tmp_path / "evidence")
+    (record,) = pick(three_runs.scenes, tmp_path / "out", by)
+    assert record.run == f"run_1/{record.scene}"
+    assert three_runs.asked == [tmp_path / "evidence" / record.scene]
+    three_runs.regions.clear()
+    with pytest.raises(UsageError, match=r"nothing to choose .* by.*no regions"):
+        pick(three_runs.scenes, tmp_path / "more", by)

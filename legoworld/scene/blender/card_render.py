@@ -94,13 +94,16 @@ def open_by_card(blend: Path, wanted: CardRequest) -> bpy.types.Scene:
 
 
 def _stand(scene: bpy.types.Scene, stand: StandRequest) -> None:
-    """A copy of the active camera at a pose of its own, which nothing in the file moves."""
+    """A copy of a camera at a pose of its own, which nothing in the file moves."""
     bound = [m for m in scene.timeline_markers if m.camera and m.frame <= scene.frame_current]
     holder = max(bound, key=lambda m: m.frame).camera if bound else scene.camera
+    if "camera" in stand:
+        holder = scene.objects[stand["camera"]]
     data = holder.data.copy()
     data.animation_data_clear()
     data.lens *= stand["zoom"]
     data.ortho_scale /= stand["zoom"]
+    data.clip_start, data.clip_end = stand.get("clip", (data.clip_start, data.clip_end))
     copied = bpy.data.objects.new("legoworld stand", data)
     rows = [
         [value * sign for value, sign in zip(row, (*CV_FROM_BLENDER_CAMERA, 1.0), strict=True)]

@@ -1,0 +1,110 @@
+"""What a trial may spend besides its time: calls, tokens, dollars; it is ended where that is spent.
+
+Calls are counted by the endpoint, which answers none above the budget. Tokens and dollars are read
+off the agent's transcript while it writes it: the request that passes the budget is the last one.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from msgspec.structs import replace
+
+from legoworld.agents.agent_cards import AgentCard
+from legoworld.agents.prices import PriceCard
+from legoworld.errors import UsageError
+from legoworld.records.agents import UNLIMITED, Budget, OverBudget, TranscriptFormat, Usage
+from legoworld.records.base import as_json
+from legoworld.trajectories.join_parts import join_trajectories
+from legoworld.trajectories.transcripts import read_transcript, total_usage
+
+#: Transcripts that count each request as it ends; the others count at their end alone.
+_COUNTING: Final[tuple[TranscriptFormat, ...]] = ("claude", "opencode", "atif")
+_LOOK_EVERY_S: Final = 0.5
+
+
+def plan_budget(card: AgentCard, asked: Budget) -> Budget:
+    """The budget of a run's trials: what is asked for, else the card's.
+
+    UsageError for tokens or dollars of an agent that counts them only when it has ended.
+    """
+    asked_for = {key: value for key, value in as_json(asked).items() if value is not None}
+    budget = replace(card.about.budget, **asked_for)
+    kind = card.about.transcript.format
+    if (budget.tokens or budget.cost_usd) and kind not in _COUNTING:
+        raise UsageError(
+            f"the agent {card.name} cannot be held to a budget of tokens",
+            found=f"its transcript ({kind}) counts them when it has ended",
+            expected="a budget of calls or time, or an agent that counts each request",
+            next_step="leave --max-tokens and --max-cost out",
+        )
+    return budget
+
+
+def used_tokens(usage: Usage) -> int | None:
+    """All tokens of a trial so far, cached ones included; None where none are counted."""
+    counts = [n for n in (usage.prompt_tokens, usage.completion_tokens) if n is not None]
+    return sum(counts) if counts else None
+
+
+def read_usage(
+    paths: Sequence[Path], kind: TranscriptFormat, model: str | None, prices: PriceCard
+) -> Usage:
+    """What the parts of an unfinished transcript count, and its cost by the price card."""
+    parts = [read_transcript(path, kind, agent="", version="", prompt="") for path in paths]
+    usage, price = total_usage(join_trajectories(parts)), prices.find_price(model)
+    if price is None or usage.cost_usd is not None:
+        return usage
+    counts = (usage.prompt_tokens, usage.cached_tokens, usage.completion_tokens)
+    return replace(usage, cost_usd=price.cost_usd(*(n or 0 for n in counts)))
+
+
+class BudgetWatch:
+    """Ends an agent where its budget is spent, and remembers which part of it was.
+
+    refused: whether a call above the budget was asked for; usage: what was used so far, by the
+    transcript or by a proxy that counts requests.
+    """
+
+    def __init__(
+        self, budget: Budget, refused: Callable[[], bool], usage: Callable[[], Usage]
+    ) -> None:
+        self.over: OverBudget | None = None
+        self._budget, self._refused, self._usage = budget, refused, usage
+        self._done = threading.Event()
+
+    @contextmanager
+    def ends(self, end: Callable[[], None]) -> Iterator[None]:
+        """Call `end` when the budget is spent during the block."""
+        looking = threading.Thread(target=self._look, args=(end,), daemon=True)
+        looking.start()
+        try:
+            yield
+        finally:
+            self._done.set()
+            looking.join()
+
+    def _look(self, end: Callable[[], None]) -> None:
+        pause = _LOOK_EVERY_S
+        while self._budget != UNLIMITED and not self._done.wait(pause):
+            began = time.thread_time()
+            self.over = self._spent()
+            if self.over is not None:
+                end()
+                return
+            # Reading a long transcript takes time: at most a twentieth of it.
+            pause = max(_LOOK_EVERY_S, 20 * (time.thread_time() - began))
+
+    def _spent(self) -> OverBudget | None:
+        if self._refused():
+            return "calls"
+        tokens, cost_usd = self._budget.tokens, self._budget.cost_usd
+        used = self._usage() if tokens or cost_usd else Usage()
+        if tokens and (used_tokens(used) or 0) >= tokens:
+            return "tokens"
+        return "cost" if cost_usd and (used.cost_usd or 0.0) >= cost_usd else None
