@@ -98,7 +98,7 @@ MOST_LINES = {
     "baselines": 5350,
     "bench": 2900,
     "commands": 5000,
-    "comparison": 2850,
+    "comparison": 2900,
     "depth_files": 700,
     "endpoint": 1450,
     "evaluation": 18050,
