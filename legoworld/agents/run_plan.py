@@ -7,6 +7,7 @@ from pathlib import Path
 from legoworld.agents.agent_cards import agent_problems, load_agent
 from legoworld.agents.exposed_paths import refuse_exposed, version_in_sandbox
 from legoworld.agents.prices import read_prices
+from legoworld.agents.recorded_card import check_recordable
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import load_trial_setup
@@ -29,6 +30,7 @@ def plan_run(
     plugin: PluginOptions | None = None,
     prices: Path | None = None,
     output: Path | None = None,
+    record: bool = False,
 ) -> TrialPlan:
     """The plan of a run. UsageError for an agent that cannot run here, and what it lacks.
 
@@ -55,6 +57,8 @@ def plan_run(
             found=model,
             expected="none, or an agent whose card has model_arguments",
         )
+    if record:
+        check_recordable(card)
     refuse_exposed(card, [path for path in (track, photos, output) if path is not None])
     agent_held = protections(sandbox, network=about.network)
     work = load_trial_setup(track, photos, task, plugin.modules if plugin else ())
@@ -73,4 +77,5 @@ def plan_run(
         model=model,
         prices=read_prices(prices),
         plugin=plan_plugin(plugin, work) if plugin else None,
+        record=record,
     )

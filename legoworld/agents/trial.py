@@ -10,12 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.agent_process import Order, output_name, run_agent
+from legoworld.agents.recorded_card import sent_to
 from legoworld.agents.recorded_steps import encode_steps, remaining_steps
 from legoworld.agents.stop import Stop
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, served_plugin
-from legoworld.agents.trial_result import TrialOutcome, write_result
+from legoworld.agents.trial_result import REQUESTS, TrialOutcome, write_result
 from legoworld.agents.unfinished_trial import UnfinishedTrial, identity
 from legoworld.agents.workspaces import Workspace, make_workspace, plan_workspace
 from legoworld.endpoint.finalisation import finalise
@@ -144,21 +146,22 @@ def _agent_part(
             return EndedAgent(code=None, over="time", last_output="", seconds=used_s), record
         session.start()
         unfinished.agent.mkdir()
-        order = Order(
-            card=plan.card,
-            workspace=workspace,
-            port=server.port,
-            plugin_port=plugin_port,
-            steps=None if steps is None else encode_steps(steps),
-            model=plan.model,
-            held=plan.agent_held,
-            limits=replace(plan.limits, time_s=left_s),
-            continues=continues,
-            unfinished=unfinished,
-        )
         session.restart_clock(used_s)  # Blender's start is not in the agent's budget
         started = time.monotonic()
-        ending = run_agent(order, stop)
+        with _recorded(plan, unfinished, used_s) as card:
+            order = Order(
+                card=card,
+                workspace=workspace,
+                port=server.port,
+                plugin_port=plugin_port,
+                steps=None if steps is None else encode_steps(steps),
+                model=plan.model,
+                held=plan.agent_held,
+                limits=replace(plan.limits, time_s=left_s),
+                continues=continues,
+                unfinished=unfinished,
+            )
+            ending = run_agent(order, stop)
         seconds = used_s + time.monotonic() - started
         session.keep_last_save()
     said = ending.last_output[-_KEPT_OUTPUT:]
@@ -178,6 +181,20 @@ def _plugin(
         raise _no_photo(plan, image)
     with served_plugin(plan.plugin, image, photo, session, record) as host:
         yield host.port
+
+
+@contextmanager
+def _recorded(plan: TrialPlan, unfinished: UnfinishedTrial, used_s: float) -> Iterator[AgentCard]:
+    """The card whose agent is sent to the trial's recorder; as it is without one."""
+    api = plan.card.about.record
+    if not plan.record or api is None:
+        yield plan.card
+        return
+    from legoworld.agents.api_recorder import ApiRecorder  # an extra
+
+    rows = unfinished.scene_folder / TRIAL / REQUESTS
+    with ApiRecorder(api.api, rows, used_s=used_s) as recorder:
+        yield sent_to(plan.card, recorder.url)
 
 
 def _trajectory(

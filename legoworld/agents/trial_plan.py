@@ -19,7 +19,8 @@ class TrialPlan:
 
     limits: of a trial's Blender and of its agent each; agent_held, blender_held: their sandboxes;
     programs: the folder `program` finds its programs in, else None; model: None for the agent's
-    own; prices: what tokens cost; plugin: None for trials without it.
+    own; prices: what tokens cost; plugin: None for trials without it; record: count the
+    tokens of each request.
     """
 
     card: AgentCard
@@ -32,3 +33,4 @@ class TrialPlan:
     model: str | None
     prices: PriceCard
     plugin: PluginPlan | None = None
+    record: bool = False

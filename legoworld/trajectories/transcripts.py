@@ -111,11 +111,14 @@ def total_usage(trajectory: AtifTrajectory) -> Usage:
         values = [value for m in steps if (value := _none_if_unset(getattr(m, each))) is not None]
         return sum(values) if values else None
 
+    prompt = summed("total_prompt_tokens", "prompt_tokens")
+    completion = summed("total_completion_tokens", "completion_tokens")
     return Usage(
-        prompt_tokens=summed("total_prompt_tokens", "prompt_tokens"),
-        completion_tokens=summed("total_completion_tokens", "completion_tokens"),
+        prompt_tokens=prompt,
+        completion_tokens=completion,
         cached_tokens=summed("total_cached_tokens", "cached_tokens"),
         cost_usd=summed("total_cost_usd", "cost_usd"),
+        tokens_source=None if (prompt, completion) == (None, None) else "transcript",
     )
 
 
