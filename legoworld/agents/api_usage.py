@@ -6,10 +6,12 @@ Messages (Anthropic), Responses and Chat Completions (OpenAI), generateContent (
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any, Final
 
 import msgspec
 
+from legoworld.files import Json
 from legoworld.records.agents import Wire
 
 _PATHS: Final[dict[Wire, re.Pattern[str]]] = {
@@ -83,9 +85,9 @@ class AnswerReader:
             if isinstance(event, dict):
                 self._event(event)
 
-    def _event(self, event: dict[str, Any]) -> None:
-        inner = [event[key] for key in ("message", "response") if isinstance(event.get(key), dict)]
-        about: dict[str, Any] = inner[0] if inner else event
+    def _event(self, event: Mapping[str, Json]) -> None:
+        inner = [one for key in ("message", "response") if isinstance(one := event.get(key), dict)]
+        about = inner[0] if inner else event
         name = about.get("model") or about.get("modelVersion")
         self.model = name if isinstance(name, str) else self.model
         usage = about.get("usage") or about.get("usageMetadata")

@@ -14,8 +14,10 @@ from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
 from legoworld.records.agents import ApiRequest, ModelPrice, PriceCardFile, Usage
 from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
+from legoworld.records.base import UnsetType
 from legoworld.trajectories.transcripts import total_usage
 
+_Count = int | UnsetType | None
 PRICES: Final = Path(__file__).with_name("prices.toml")
 
 
@@ -97,13 +99,14 @@ def recorded_usage(requests: Sequence[ApiRequest], prices: PriceCard, stated: Us
 
 
 def _priced(
-    usage: Usage, prices: PriceCard, uses: Sequence[tuple[str | None, Any, Any, Any]]
+    usage: Usage, prices: PriceCard, uses: Sequence[tuple[str | None, _Count, _Count, _Count]]
 ) -> Usage:
     """The usage with the cost of what each model used, if the card and the counts have it all."""
     cost = 0.0
-    for model, *counts in uses:
+    for model, prompt, cached, completion in uses:
         price = prices.find_price(model)
-        if price is None or not all(isinstance(count, int) for count in counts):
+        counts = [count for count in (prompt, cached, completion) if isinstance(count, int)]
+        if price is None or len(counts) < 3:
             return usage
         cost += price.cost_usd(*counts)
     return replace(usage, cost_usd=round(cost, 6), cost_source=prices.source) if uses else usage

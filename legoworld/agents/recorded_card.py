@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 
 from legoworld import extras
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.errors import InstallationError, UsageError
+from legoworld.files import Json
 
 
 def check_recordable(card: AgentCard) -> None:
@@ -38,28 +39,30 @@ def sent_to(card: AgentCard, url: str) -> AgentCard:
     about, record = card.about, card.about.record
     if record is None:
         return card
-    settings = _joined(about.mcp.settings, _filled(record.settings, url))
+    given = {key: _filled(value, url) for key, value in record.settings.items()}
+    told = {key: text.replace("{api}", url) for key, text in record.variables.items()}
     return AgentCard(
         about=replace(
             about,
-            variables={**about.variables, **_filled(record.variables, url)},
-            mcp=replace(about.mcp, settings=settings),
+            variables={**about.variables, **told},
+            mcp=replace(about.mcp, settings=_joined(about.mcp.settings, given)),
         ),
         path=card.path,
         sha256=card.sha256,
     )
 
 
-def _filled(value: Any, url: str) -> Any:
+def _filled(value: Json, url: str) -> Json:
     if isinstance(value, dict):
         return {key: _filled(item, url) for key, item in value.items()}
     return value.replace("{api}", url) if isinstance(value, str) else value
 
 
-def _joined(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def _joined(below: Mapping[str, Json], above: Mapping[str, Json]) -> dict[str, Json]:
     """Both tables; where both have a value, the second's."""
     joined = {**below, **above}
     for key in below.keys() & above.keys():
-        if isinstance(below[key], dict) and isinstance(above[key], dict):
-            joined[key] = _joined(below[key], above[key])
+        old, new = below[key], above[key]
+        if isinstance(old, dict) and isinstance(new, dict):
+            joined[key] = _joined(old, new)
     return joined

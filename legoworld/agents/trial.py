@@ -214,6 +214,7 @@ def _trajectory(
             agent=plan.card.name,
             version=plan.agent_version or plan.card.about.version,
             prompt=workspace.prompt,
+            scene_folder=unfinished.scene_folder,
         )
         read.append(add_calls(part, record.calls[begin:end]))
     return join_trajectories(read)

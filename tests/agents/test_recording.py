@@ -24,21 +24,14 @@ from legoworld.endpoint.trial_record import read_rows
 from legoworld.records.agents import ApiRequest
 
 KEY = "sk-a-secret-of-7351"
-#: Path and body of a request of each API, by whether its answer is streamed.
-REQUESTS = {
-    "messages": (
-        lambda s: "/v1/messages?beta=true",
-        lambda s: {"model": "m", "messages": [], "stream": s},
-    ),
-    "responses": (lambda s: "/v1/responses", lambda s: {"model": "m", "input": [], "stream": s}),
-    "chat": (
-        lambda s: "/v1/chat/completions",
-        lambda s: {"model": "m", "messages": [], "stream": s},
-    ),
+#: The path of a request of each API, without streaming and with it.
+PATHS = {
+    "messages": ("/v1/messages?beta=true", "/v1/messages?beta=true"),
+    "responses": ("/v1/responses", "/v1/responses"),
+    "chat": ("/v1/chat/completions", "/v1/chat/completions"),
     "gemini": (
-        lambda s: f"/v1beta/models/m:{'streamGenerateContent' if s else 'generateContent'}"
-        f"?key={KEY}",
-        lambda s: {"contents": []},
+        f"/v1beta/models/m:generateContent?key={KEY}",
+        f"/v1beta/models/m:streamGenerateContent?key={KEY}&alt=sse",
     ),
 }
 HEADERS = {"Authorization": f"Bearer {KEY}", "x-api-key": KEY, "Content-Type": "application/json"}
@@ -46,9 +39,8 @@ HEADERS = {"Authorization": f"Bearer {KEY}", "x-api-key": KEY, "Content-Type": "
 
 def ask(url: str, wire: str, *, streamed: bool) -> bytes:
     """One request as a client sends it; the answer's body."""
-    path, body = REQUESTS[wire]
-    data = json.dumps(body(streamed)).encode()
-    request = urllib.request.Request(url + path(streamed), data, HEADERS)
+    data = json.dumps({"messages": [], "input": [], "stream": streamed}).encode()
+    request = urllib.request.Request(url + PATHS[wire][streamed], data, HEADERS)
     with urllib.request.urlopen(request) as answer:
         return answer.read()
 
@@ -64,7 +56,7 @@ def model() -> Iterator[ModelServer]:
 
 
 @pytest.mark.parametrize("streamed", [True, False])
-@pytest.mark.parametrize("wire", REQUESTS)
+@pytest.mark.parametrize("wire", PATHS)
 def test_tokens_are_those_of_the_api_and_the_answer_is_as_it_was(model, tmp_path, wire, streamed):
     with ApiRecorder(model.url, tmp_path / "requests.jsonl") as recorder:
         through = [ask(recorder.url, wire, streamed=streamed) for _ in range(2)]
@@ -194,7 +186,7 @@ def test_a_request_that_is_cut_is_not_counted_and_ends_at_the_api(slow, tmp_path
 
 def test_no_key_is_kept(model, tmp_path):
     with ApiRecorder(model.url, tmp_path / "requests.jsonl") as recorder:
-        for wire in REQUESTS:
+        for wire in PATHS:
             ask(recorder.url, wire, streamed=True)
     assert len(rows(tmp_path)) == 4
     assert not [p for p in tmp_path.rglob("*") if KEY.encode() in p.read_bytes()]
