@@ -105,7 +105,7 @@ MOST_LINES = {
     "exports": 1050,
     "plugin": 6200,
     "readouts": 3200,
-    "records": 7800,
+    "records": 7850,
     "report": 5800,
     "running": 2800,
     "scene": 12350,
