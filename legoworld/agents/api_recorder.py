@@ -18,6 +18,7 @@ from typing import Final, Self
 
 import httpx2
 import uvicorn
+from msgspec.structs import replace
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -84,19 +85,19 @@ class ApiRecorder:
             yield
 
     async def _forward(self, request: Request) -> Response:
-        passing = _Passing(self, request)
+        wire = wire_of(request.url.path) if request.method == "POST" else None
+        row = ApiRequest(number=next(self._numbers), at_s=self._clock(), wire=wire)
         try:
             answer = await self._client.send(await self._outgoing(request), stream=True)
         except httpx2.TransportError as error:
-            passing.end("unreachable")
+            self._end(row, "unreachable")
             return Response(f"the API cannot be reached: {type(error).__name__}", 502)
         except asyncio.CancelledError:
-            passing.end("cut")
+            self._end(row, "cut")
             raise
-        passing.answered(answer)
-        pieces = passing.pieces(answer)
+        pieces = self._pieces(replace(row, status=answer.status_code), answer)
         response: Response
-        if passing.streamed:
+        if _streamed(answer):
             response = StreamingResponse(pieces, answer.status_code)
         else:  # read to its end even where its client has left: its tokens are used
             response = Response(b"".join([piece async for piece in pieces]), answer.status_code)
@@ -117,69 +118,37 @@ class ApiRecorder:
             content=await request.body() or None,
         )
 
-    def note(self, row: ApiRequest) -> None:
-        """Keep a request's row."""
-        append_row(self._rows, row)
-
-    def next_number(self) -> int:
-        """The number of a request that begins."""
-        return next(self._numbers)
-
-    def clock(self) -> float:
-        """Seconds of the trial."""
-        return time.monotonic() - self._began
-
-
-class _Passing:
-    """One request while it passes."""
-
-    def __init__(self, recorder: ApiRecorder, request: Request) -> None:
-        self._recorder, self._number = recorder, recorder.next_number()
-        self._begun_s = recorder.clock()
-        self._wire = wire_of(request.url.path) if request.method == "POST" else None
-        self._status: int | None = None
-        self._reader: AnswerReader | None = None
-        self.streamed = False
-
-    def answered(self, answer: httpx2.Response) -> None:
-        """The answer's head is there."""
-        self._status = answer.status_code
-        self.streamed = answer.headers.get("content-type", "").startswith("text/event-stream")
-        if self._wire is not None and answer.is_success:
-            self._reader = AnswerReader(self._wire, streamed=self.streamed)
-
-    async def pieces(self, answer: httpx2.Response) -> AsyncIterator[bytes]:
+    async def _pieces(self, row: ApiRequest, answer: httpx2.Response) -> AsyncIterator[bytes]:
         """The answer's bytes, decoded, and read on the way."""
+        reader = AnswerReader(row.wire, streamed=_streamed(answer)) if row.wire else None
         how: RequestEnd = "cut"
         try:
             async for piece in answer.aiter_bytes():
-                if self._reader is not None:
-                    self._reader.feed(piece)
+                if reader is not None and answer.is_success:
+                    reader.feed(piece)
                 yield piece
             how = "whole"
         finally:
-            self.end(how)
+            self._end(row, how, reader)
             await answer.aclose()
 
-    def end(self, how: RequestEnd) -> None:
-        """Write the row."""
-        reader = self._reader
-        counts = reader.tokens(whole=how == "whole") if reader else (None, None, None)
-        prompt, cached, completion = counts
-        self._recorder.note(
-            ApiRequest(
-                number=self._number,
-                at_s=round(self._begun_s, 3),
-                seconds=round(self._recorder.clock() - self._begun_s, 3),
-                wire=self._wire,
-                model=reader.model if reader else None,
-                status=self._status,
-                ended=how,
-                prompt_tokens=prompt,
-                cached_tokens=cached,
+    def _end(self, row: ApiRequest, how: RequestEnd, reader: AnswerReader | None = None) -> None:
+        """Write a request's row."""
+        if reader is not None:
+            prompt, cached, completion = reader.tokens(whole=how == "whole")
+            row = replace(
+                row, model=reader.model, prompt_tokens=prompt, cached_tokens=cached,
                 completion_tokens=completion,
-            )
-        )
+            )  # fmt: skip
+        seconds = round(self._clock() - row.at_s, 3)
+        append_row(self._rows, replace(row, seconds=seconds, ended=how))
+
+    def _clock(self) -> float:
+        return round(time.monotonic() - self._began, 3)
+
+
+def _streamed(answer: httpx2.Response) -> bool:
+    return str(answer.headers.get("content-type")).startswith("text/event-stream")
 
 
 def _lines(path: Path) -> int:

@@ -14,43 +14,39 @@ import msgspec
 from legoworld.files import Json
 from legoworld.records.agents import Wire
 
-_PATHS: Final[dict[Wire, re.Pattern[str]]] = {
-    "messages": re.compile(r"/messages$"),
-    "responses": re.compile(r"/responses$"),
-    "chat": re.compile(r"/chat/completions$"),
-    "gemini": re.compile(r":(stream)?[gG]enerateContent$"),
+_PATHS: Final[dict[Wire, str]] = {
+    "messages": r"/messages$",
+    "responses": r"/responses$",
+    "chat": r"/chat/completions$",
+    "gemini": r":(streamG|g)enerateContent$",
 }
 #: The numbers that sum to prompt, cached and completion tokens; a dot leads into a table.
-_SUMS: Final[dict[Wire, tuple[tuple[str, ...], ...]]] = {
+_SUMS: Final[dict[Wire, tuple[str, str, str]]] = {
     "messages": (
-        ("input_tokens", "cache_creation_input_tokens", "cache_read_input_tokens"),
-        ("cache_read_input_tokens",),
-        ("output_tokens",),
+        "input_tokens cache_creation_input_tokens cache_read_input_tokens",
+        "cache_read_input_tokens", "output_tokens",
     ),
-    "responses": (
-        ("input_tokens",), ("input_tokens_details.cached_tokens",), ("output_tokens",),
-    ),
-    "chat": (
-        ("prompt_tokens",), ("prompt_tokens_details.cached_tokens",), ("completion_tokens",),
-    ),
+    "responses": ("input_tokens", "input_tokens_details.cached_tokens", "output_tokens"),
+    "chat": ("prompt_tokens", "prompt_tokens_details.cached_tokens", "completion_tokens"),
     "gemini": (
-        ("promptTokenCount", "toolUsePromptTokenCount"),
-        ("cachedContentTokenCount",),
-        ("candidatesTokenCount", "thoughtsTokenCount"),
+        "promptTokenCount toolUsePromptTokenCount", "cachedContentTokenCount",
+        "candidatesTokenCount thoughtsTokenCount",
     ),
 }  # fmt: skip
+_Tokens = int | None
 
 
 def wire_of(path: str) -> Wire | None:
     """The API that a request's path asks for an answer of a model; None for any other request."""
-    return next((wire for wire, pattern in _PATHS.items() if pattern.search(path)), None)
+    return next((wire for wire, pattern in _PATHS.items() if re.search(pattern, path)), None)
 
 
 class AnswerReader:
     """Reads the model's name and the tokens out of an answer, piece by piece."""
 
     def __init__(self, wire: Wire, *, streamed: bool) -> None:
-        self._wire, self._streamed = wire, streamed
+        self._wire: Wire = wire
+        self._streamed = streamed
         self._rest = b""
         self._usage: dict[str, Any] = {}
         self.model: str | None = None
@@ -61,26 +57,23 @@ class AnswerReader:
         if self._streamed:
             *lines, self._rest = self._rest.split(b"\n")
             for line in lines:
-                if line.startswith(b"data:"):
-                    self._note(line[5:])
+                self._note(line.removeprefix(b"data:"))
 
-    def tokens(self, *, whole: bool) -> tuple[int | None, int | None, int | None]:
+    def tokens(self, *, whole: bool) -> tuple[_Tokens, _Tokens, _Tokens]:
         """Prompt, cached and completion tokens; null where the answer does not state them.
 
         whole: whether the answer came to its end; of a cut one the completion is not known.
         """
         if whole and not self._streamed:
             self._note(self._rest)
-        prompt, cached, completion = (self._sum(names) for names in _SUMS[self._wire])
-        if cached is None and prompt is not None:
-            cached = 0
-        return prompt, cached, completion if whole else None
+        prompt, cached, completion = (self._sum(names.split()) for names in _SUMS[self._wire])
+        return prompt, None if prompt is None else cached or 0, completion if whole else None
 
     def _note(self, text: bytes) -> None:
         try:
             value = msgspec.json.decode(text)
         except (msgspec.DecodeError, UnicodeDecodeError):
-            return  # such as [DONE]
+            return  # `event: ...`, [DONE]
         for event in value if isinstance(value, list) else [value]:
             if isinstance(event, dict):
                 self._event(event)
@@ -92,16 +85,13 @@ class AnswerReader:
         self.model = name if isinstance(name, str) else self.model
         usage = about.get("usage") or about.get("usageMetadata")
         if isinstance(usage, dict):
-            stated = {key: value for key, value in usage.items() if value is not None}
-            if event.get("type") == "message_start":
-                stated.pop("output_tokens", None)  # of what was not made yet: 1
-            self._usage |= stated
+            unmade = "output_tokens" if event.get("type") == "message_start" else ""
+            self._usage |= {k: v for k, v in usage.items() if v is not None and k != unmade}
 
-    def _sum(self, names: tuple[str, ...]) -> int | None:
+    def _sum(self, names: list[str]) -> int | None:
         values = [value for name in names if isinstance(value := self._value(name), int)]
-        if values or (self._wire == "gemini" and self._usage):  # it leaves zeros out
-            return sum(values)
-        return None
+        zero = self._wire == "gemini" and self._usage  # which leaves zeros out
+        return sum(values) if values or zero else None
 
     def _value(self, name: str) -> Any:
         value: Any = self._usage

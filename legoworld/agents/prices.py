@@ -81,17 +81,16 @@ def recorded_usage(requests: Sequence[ApiRequest], prices: PriceCard, stated: Us
     The cost is the one that the transcript stated where a request was not counted or the card lacks
     a model.
     """
-    counted = [row for row in requests if row.wire is not None]
+    spent = [row for row in requests if row.spent]
     usage = replace(
         stated,
-        prompt_tokens=sum(row.prompt_tokens or 0 for row in counted),
-        cached_tokens=sum(row.cached_tokens or 0 for row in counted),
-        completion_tokens=sum(row.completion_tokens or 0 for row in counted),
+        prompt_tokens=sum(row.prompt_tokens or 0 for row in spent),
+        cached_tokens=sum(row.cached_tokens or 0 for row in spent),
+        completion_tokens=sum(row.completion_tokens or 0 for row in spent),
         tokens_source="recorded",
         requests=len(requests),
         uncounted=sum(row.uncounted for row in requests),
     )
-    spent = [row for row in counted if row.counted or row.uncounted]
     return _priced(
         usage, prices,
         [(r.model, r.prompt_tokens, r.cached_tokens, r.completion_tokens) for r in spent],

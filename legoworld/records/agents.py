@@ -141,26 +141,25 @@ class ApiRequest(Record, frozen=True, kw_only=True):
 
     number: int
     at_s: float
-    seconds: float
+    seconds: float = 0.0
     wire: Wire | None
-    model: str | None
-    status: int | None
-    ended: RequestEnd
-    prompt_tokens: int | None
-    cached_tokens: int | None
-    completion_tokens: int | None
+    model: str | None = None
+    status: int | None = None
+    ended: RequestEnd = "cut"
+    prompt_tokens: int | None = None
+    cached_tokens: int | None = None
+    completion_tokens: int | None = None
 
     @property
-    def counted(self) -> bool:
-        """Whether its answer stated all tokens."""
-        return self.prompt_tokens is not None and self.completion_tokens is not None
+    def spent(self) -> bool:
+        """Whether it may have used tokens."""
+        refused = self.status is not None and self.status >= 300
+        return self.wire is not None and self.ended != "unreachable" and not refused
 
     @property
     def uncounted(self) -> bool:
-        """Whether it may have used tokens that are not known."""
-        refused = self.status is not None and self.status >= 300
-        spent = self.wire is not None and self.ended != "unreachable" and not refused
-        return spent and not self.counted
+        """Whether it may have used tokens that its answer did not state."""
+        return self.spent and None in (self.prompt_tokens, self.completion_tokens)
 
 
 Outcome = Literal["ok", "no_scene", "agent_failed", "no_photo", "failed"]
