@@ -89,6 +89,7 @@ test-environments: $(VENV)/tests-installed \
 test-agents: $(VENV)/tests-installed
 	$(PYTHON) tests/agent_programs/install.py $(AGENTS) $(if $(AGENTS_NEWEST),--newest)
 	LEGOWORLD_AGENT_PROGRAMS=$(CURDIR)/$(AGENTS) \
+	LEGOWORLD_HARBOR_PYTHON=$(abspath $(wildcard $(HARBOR)/bin/python)) \
 	  $(PYTHON) -m pytest -m agent_programs tests/agent_programs $(PYTEST_ARGS)
 
 check: $(VENV)/all-installed

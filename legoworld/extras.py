@@ -7,7 +7,9 @@ import shlex
 from importlib import metadata
 from typing import Literal
 
-Extra = Literal["draco", "exr", "ray", "url", "plugin", "usd", "hdf5", "serve", "examples"]
+Extra = Literal[
+    "draco", "exr", "ray", "url", "plugin", "usd", "hdf5", "serve", "record", "examples"
+]
 
 
 def requirements(extra: Extra) -> list[str]:

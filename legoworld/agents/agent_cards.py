@@ -100,7 +100,8 @@ def read_agent_card(path: Path) -> AgentCard:
 
 def _check_placeholders(about: AgentCardFile, path: Path) -> None:
     words = [*about.command, *about.continue_command, *about.variables.values(), about.mcp.path]
-    for word in words:
+    recorded = about.record.variables.values() if about.record else ()
+    for word in [*words, *(text.replace("{api}", "") for text in recorded)]:
         try:
             named = {name for _, name, _, _ in Formatter().parse(word) if name is not None}
         except ValueError:

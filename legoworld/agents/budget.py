@@ -1,7 +1,8 @@
 """What a trial may spend besides its time: calls, tokens, dollars; it is ended where that is spent.
 
-Calls are counted by the endpoint, which answers none above the budget. Tokens and dollars are read
-off the agent's transcript while it writes it: the request that passes the budget is the last one.
+Calls are counted by the endpoint, which answers none above the budget. Tokens and dollars are those
+of recorded requests, or are read off the agent's transcript while it writes it: the request that
+passes the budget is the last one.
 """
 
 from __future__ import annotations
@@ -28,20 +29,21 @@ _COUNTING: Final[tuple[TranscriptFormat, ...]] = ("claude", "opencode", "atif")
 _LOOK_EVERY_S: Final = 0.5
 
 
-def plan_budget(card: AgentCard, asked: Budget) -> Budget:
+def plan_budget(card: AgentCard, asked: Budget, *, record: bool = False) -> Budget:
     """The budget of a run's trials: what is asked for, else the card's.
 
-    UsageError for tokens or dollars of an agent that counts them only when it has ended.
+    record: whether requests are counted as they are made. Without it UsageError for tokens or
+    dollars of an agent that counts them only when it has ended.
     """
     asked_for = {key: value for key, value in as_json(asked).items() if value is not None}
     budget = replace(card.about.budget, **asked_for)
     kind = card.about.transcript.format
-    if (budget.tokens or budget.cost_usd) and kind not in _COUNTING:
+    if (budget.tokens or budget.cost_usd) and not record and kind not in _COUNTING:
         raise UsageError(
             f"the agent {card.name} cannot be held to a budget of tokens",
             found=f"its transcript ({kind}) counts them when it has ended",
             expected="a budget of calls or time, or an agent that counts each request",
-            next_step="leave --max-tokens and --max-cost out",
+            next_step="add --record, or leave --max-tokens and --max-cost out",
         )
     return budget
 

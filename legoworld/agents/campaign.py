@@ -29,6 +29,7 @@ def reconstruct(
     programs: str | Path | None = None,
     model: str | None = None,
     prices: str | Path | None = None,
+    record: bool = False,
     limit: int | None = None,
     repeat: int = 1,
     plugin: bool = False,
@@ -48,10 +49,11 @@ def reconstruct(
     """Have an agent rebuild every photo of a track in Blender; a row for each trial.
 
     agent: a name, or the path of a card. programs: what the agent `program` plays. repeat: number
-    of independent runs, above 1 each in output/run_K. plugin: give agents the plugin's server, too:
-    `without` leaves modules out, regions and depth are its evidence. trial_limit_s, max_calls,
-    max_tokens and max_cost (US dollars): of one trial, None for the card's. `listener.trial` gets
-    each row as its trial ends. Repeat the call to resume.
+    of independent runs, above 1 each in output/run_K. record: count tokens by a proxy between each
+    agent and its API. plugin: give agents the plugin's server, too: `without` leaves modules out,
+    regions and depth are its evidence. trial_limit_s, max_calls, max_tokens and max_cost (US
+    dollars): of one trial, None for the card's. `listener.trial` gets each row as its trial ends.
+    Repeat the call to resume.
     """
     if not plugin and (without or regions or depth):
         raise UsageError(
@@ -80,6 +82,7 @@ def reconstruct(
         else None,
         prices=optional_path(prices),
         output=Path(output),
+        record=record,
     )
     for held, who in ((plan.agent_held, plan.card.name), (plan.blender_held, "Blender")):
         if held.does_not_hold:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from msgspec.structs import replace
 
 from legoworld.cards import read_toml
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
-from legoworld.records.agents import ModelPrice, PriceCardFile, Usage
+from legoworld.records.agents import ApiRequest, ModelPrice, PriceCardFile, Usage
 from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
+from legoworld.records.base import UnsetType
 from legoworld.trajectories.transcripts import total_usage
 
+_Count = int | UnsetType | None
 PRICES: Final = Path(__file__).with_name("prices.toml")
 
 
@@ -66,34 +69,70 @@ def compute_usage(trajectory: AtifTrajectory, model: str | None, prices: PriceCa
     if usage.cost_usd is not None:
         return replace(usage, cost_source="transcript")
     total = trajectory.final_metrics
-    price = prices.find_price(model)
-    if (
-        price is None
-        or not isinstance(total, AtifFinalMetrics)
-        or _names_another(trajectory, model)
-    ):
+    if not isinstance(total, AtifFinalMetrics) or _names_another(trajectory, model):
         return usage
     counts = (total.total_prompt_tokens, total.total_cached_tokens, total.total_completion_tokens)
-    prompt, cached, completion = counts
-    if not (isinstance(prompt, int) and isinstance(cached, int) and isinstance(completion, int)):
-        return usage
-    cost = price.cost_usd(prompt, cached, completion)
-    return replace(usage, cost_usd=round(cost, 6), cost_source=prices.source)
+    return _priced(usage, prices, [(model, *counts)])
 
 
-def with_cost(trajectory: AtifTrajectory, usage: Usage) -> AtifTrajectory:
-    """The trajectory with a cost by a card among its totals, marked as such."""
-    total = trajectory.final_metrics
-    if usage.cost_source in (None, "transcript") or not isinstance(total, AtifFinalMetrics):
-        return trajectory
-    extra = {
-        **(total.extra if isinstance(total.extra, dict) else {}),
-        "legoworld": {"cost_source": usage.cost_source},
-    }
-    return replace(
-        trajectory,
-        final_metrics=replace(total, total_cost_usd=usage.cost_usd, extra=extra),
+def recorded_usage(requests: Sequence[ApiRequest], prices: PriceCard, stated: Usage) -> Usage:
+    """Tokens of recorded requests, and their cost by the card.
+
+    The cost is the one that the transcript stated where a request was not counted or the card lacks
+    a model.
+    """
+    spent = [row for row in requests if row.spent]
+    usage = replace(
+        stated,
+        prompt_tokens=sum(row.prompt_tokens or 0 for row in spent),
+        cached_tokens=sum(row.cached_tokens or 0 for row in spent),
+        completion_tokens=sum(row.completion_tokens or 0 for row in spent),
+        tokens_source="recorded",
+        requests=len(requests),
+        uncounted=sum(row.uncounted for row in requests),
     )
+    return _priced(
+        usage, prices,
+        [(r.model, r.prompt_tokens, r.cached_tokens, r.completion_tokens) for r in spent],
+    )  # fmt: skip
+
+
+def _priced(
+    usage: Usage, prices: PriceCard, uses: Sequence[tuple[str | None, _Count, _Count, _Count]]
+) -> Usage:
+    """The usage with the cost of what each model used, if the card and the counts have it all."""
+    cost = 0.0
+    for model, prompt, cached, completion in uses:
+        price = prices.find_price(model)
+        counts = [count for count in (prompt, cached, completion) if isinstance(count, int)]
+        if price is None or len(counts) < 3:
+            return usage
+        cost += price.cost_usd(*counts)
+    return replace(usage, cost_usd=round(cost, 6), cost_source=prices.source) if uses else usage
+
+
+def with_usage(trajectory: AtifTrajectory, usage: Usage) -> AtifTrajectory:
+    """The trajectory with recorded tokens and a cost by a card among its totals, marked as such."""
+    total = trajectory.final_metrics
+    total = total if isinstance(total, AtifFinalMetrics) else AtifFinalMetrics()
+    ours: dict[str, Any] = {}
+    if usage.tokens_source is not None:
+        ours["tokens_source"] = usage.tokens_source
+    if usage.tokens_source == "recorded":
+        ours |= {"requests": usage.requests, "uncounted": usage.uncounted}
+        total = replace(
+            total,
+            total_prompt_tokens=usage.prompt_tokens,
+            total_cached_tokens=usage.cached_tokens,
+            total_completion_tokens=usage.completion_tokens,
+        )
+    if usage.cost_source not in (None, "transcript"):
+        ours["cost_source"] = usage.cost_source
+        total = replace(total, total_cost_usd=usage.cost_usd)
+    if not ours:
+        return trajectory
+    extra = {**(total.extra if isinstance(total.extra, dict) else {}), "legoworld": ours}
+    return replace(trajectory, final_metrics=replace(total, extra=extra))
 
 
 def _names_another(trajectory: AtifTrajectory, model: str | None) -> bool:

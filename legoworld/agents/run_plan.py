@@ -8,6 +8,7 @@ from legoworld.agents.agent_cards import agent_problems, load_agent
 from legoworld.agents.budget import plan_budget
 from legoworld.agents.exposed_paths import refuse_exposed, version_in_sandbox
 from legoworld.agents.prices import read_prices
+from legoworld.agents.recorded_card import check_recordable
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PluginOptions, plan_plugin
 from legoworld.agents.workspaces import load_trial_setup
@@ -32,6 +33,7 @@ def plan_run(
     plugin: PluginOptions | None = None,
     prices: Path | None = None,
     output: Path | None = None,
+    record: bool = False,
 ) -> TrialPlan:
     """The plan of a run. UsageError for an agent that cannot run here, and what it lacks.
 
@@ -58,6 +60,8 @@ def plan_run(
             found=model,
             expected="none, or an agent whose card has model_arguments",
         )
+    if record:
+        check_recordable(card)
     refuse_exposed(card, [path for path in (track, photos, output) if path is not None])
     agent_held = protections(sandbox, network=about.network)
     work = load_trial_setup(track, photos, task, plugin.modules if plugin else ())
@@ -75,6 +79,7 @@ def plan_run(
         programs=None if programs is None else programs.resolve(),
         model=model,
         prices=read_prices(prices),
-        budget=plan_budget(card, budget),
+        budget=plan_budget(card, budget, record=record),
         plugin=plan_plugin(plugin, work) if plugin else None,
+        record=record,
     )

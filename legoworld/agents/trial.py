@@ -10,21 +10,30 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.agent_process import Order, output_name, run_agent
 from legoworld.agents.budget import BudgetWatch, read_usage
+from legoworld.agents.prices import recorded_usage
+from legoworld.agents.recorded_card import sent_to
 from legoworld.agents.recorded_steps import encode_steps, remaining_steps
 from legoworld.agents.stop import Stop
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, served_plugin
-from legoworld.agents.trial_result import TrialOutcome, write_result
+from legoworld.agents.trial_result import REQUESTS, TrialOutcome, write_result
 from legoworld.agents.unfinished_trial import UnfinishedTrial, identity
 from legoworld.agents.workspaces import Workspace, make_workspace, plan_workspace
 from legoworld.endpoint.finalisation import finalise
 from legoworld.endpoint.server import EndpointServer
 from legoworld.endpoint.session import Session, Trial
-from legoworld.endpoint.trial_record import TrialRecord
+from legoworld.endpoint.trial_record import TrialRecord, read_rows
 from legoworld.errors import LegoWorldError
-from legoworld.records.agents import EndedAgent, ReconstructionFile, RecordedStep, Usage
+from legoworld.records.agents import (
+    ApiRequest,
+    EndedAgent,
+    ReconstructionFile,
+    RecordedStep,
+    Usage,
+)
 from legoworld.records.atif import AtifTrajectory
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.track_making.make_track import find_photo
@@ -151,22 +160,23 @@ def _agent_part(
             refused=lambda: session.over_calls,
             usage=lambda: _usage_so_far(plan, unfinished),
         )
-        order = Order(
-            card=plan.card,
-            workspace=workspace,
-            port=server.port,
-            plugin_port=plugin_port,
-            steps=None if steps is None else encode_steps(steps),
-            model=plan.model,
-            held=plan.agent_held,
-            limits=replace(plan.limits, time_s=left_s),
-            continues=continues,
-            unfinished=unfinished,
-            watch=watch,
-        )
         session.restart_clock(used_s)  # Blender's start is not in the agent's budget
         started = time.monotonic()
-        ending = run_agent(order, stop)
+        with _recorded(plan, unfinished, used_s) as card:
+            order = Order(
+                card=card,
+                workspace=workspace,
+                port=server.port,
+                plugin_port=plugin_port,
+                steps=None if steps is None else encode_steps(steps),
+                model=plan.model,
+                held=plan.agent_held,
+                limits=replace(plan.limits, time_s=left_s),
+                continues=continues,
+                unfinished=unfinished,
+                watch=watch,
+            )
+            ending = run_agent(order, stop)
         seconds = used_s + time.monotonic() - started
         session.keep_last_save()
     said, over = ending.last_output[-_KEPT_OUTPUT:], ending.over or watch.over
@@ -175,7 +185,10 @@ def _agent_part(
 
 
 def _usage_so_far(plan: TrialPlan, unfinished: UnfinishedTrial) -> Usage:
-    """What the agent has used, by its transcript as far as it is written."""
+    """What the agent has used, by its recorded requests or its transcript, as far as there are."""
+    if plan.record:
+        rows = read_rows(unfinished.scene_folder / TRIAL / REQUESTS, ApiRequest)
+        return recorded_usage(rows, plan.prices, Usage())
     unfinished.take_transcript(output_name(plan.card))
     kind = plan.card.about.transcript.format
     return read_usage(unfinished.transcripts(), kind, plan.model, plan.prices)
@@ -196,6 +209,20 @@ def _plugin(
         yield host.port
 
 
+@contextmanager
+def _recorded(plan: TrialPlan, unfinished: UnfinishedTrial, used_s: float) -> Iterator[AgentCard]:
+    """The card whose agent is sent to the trial's recorder; as it is without one."""
+    api = plan.card.about.record
+    if not plan.record or api is None:
+        yield plan.card
+        return
+    from legoworld.agents.api_recorder import ApiRecorder  # an extra
+
+    rows = unfinished.scene_folder / TRIAL / REQUESTS
+    with ApiRecorder(api.api, rows, used_s=used_s) as recorder:
+        yield sent_to(plan.card, recorder.url)
+
+
 def _trajectory(
     plan: TrialPlan,
     unfinished: UnfinishedTrial,
@@ -213,6 +240,7 @@ def _trajectory(
             agent=plan.card.name,
             version=plan.agent_version or plan.card.about.version,
             prompt=workspace.prompt,
+            scene_folder=unfinished.scene_folder,
         )
         read.append(add_calls(part, record.calls[begin:end]))
     return join_trajectories(read)

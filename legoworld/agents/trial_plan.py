@@ -20,7 +20,8 @@ class TrialPlan:
 
     limits: of a trial's Blender and of its agent each; agent_held, blender_held: their sandboxes;
     programs: the folder `program` finds its programs in, else None; model: None for the agent's
-    own; prices: what tokens cost; budget: of each trial; plugin: None for trials without it.
+    own; prices: what tokens cost; budget: of each trial; plugin: None for trials without it;
+    record: count the tokens of each request.
     """
 
     card: AgentCard
@@ -34,3 +35,4 @@ class TrialPlan:
     prices: PriceCard
     budget: Budget = UNLIMITED
     plugin: PluginPlan | None = None
+    record: bool = False

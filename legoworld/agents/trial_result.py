@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from msgspec.structs import replace
 
-from legoworld.agents.prices import compute_usage, with_cost
+from legoworld.agents.prices import compute_usage, recorded_usage, with_usage
 from legoworld.agents.scene_content import scene_content
 from legoworld.agents.trial_plan import TrialPlan
 from legoworld.agents.trial_plugin import PLUGIN, read_plugin_calls
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.endpoint.trial_record import TrialRecord
+from legoworld.endpoint.trial_record import TrialRecord, read_rows
 from legoworld.errors import one_line
 from legoworld.files import Json, write_text
-from legoworld.records.agents import EndedAgent, Finalisation, Outcome, ReconstructionFile
+from legoworld.records.agents import (
+    ApiRequest,
+    EndedAgent,
+    Finalisation,
+    Outcome,
+    ReconstructionFile,
+)
 from legoworld.records.atif import AtifFinalMetrics, AtifTrajectory
 from legoworld.records.base import Storable, readable
 from legoworld.running.freeze_run import freeze_scene
@@ -26,6 +34,7 @@ from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, TRIAL
 from legoworld.version import __version__
 
+REQUESTS: Final = "requests.jsonl"
 _SAID_AT_END: Final = 200
 
 
@@ -45,11 +54,12 @@ def write_result(
     plan: TrialPlan, image: TrackImage, made: Path, outcome: TrialOutcome, blender: BlenderProcess
 ) -> ReconstructionFile:
     """Write the provenance files of a scene folder, then freeze it."""
-    result = _result(plan, image, outcome)
+    requests = read_rows(made / TRIAL / REQUESTS, ApiRequest) if plan.record else None
+    result = _result(plan, image, outcome, requests)
     if plan.plugin is not None:
         calls = read_plugin_calls(made / TRIAL / PLUGIN)
         result = replace(result, plugin=plan.plugin.provenance, plugin_calls=calls)
-    write_text(made / TRAJECTORY, readable(with_cost(outcome.trajectory, result.usage)))
+    write_text(made / TRAJECTORY, readable(with_usage(outcome.trajectory, result.usage)))
     write_text(made / PROVENANCE, readable(_provenance(plan, result)))
     if result.finalisation.source != "none":
         folder = SceneFolder(path=made, name=result.scene)
@@ -59,10 +69,19 @@ def write_result(
     return result
 
 
-def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> ReconstructionFile:
+def _result(
+    plan: TrialPlan,
+    image: TrackImage,
+    outcome: TrialOutcome,
+    requests: Sequence[ApiRequest] | None,
+) -> ReconstructionFile:
     ended, record, trajectory = outcome.ended, outcome.record, outcome.trajectory
-    status, reason = _status(outcome)
-    model = _model(trajectory) or plan.model
+    status, reason = _status(outcome, requests)
+    models = Counter(r.model for r in requests or () if r.model is not None)
+    model = _model(trajectory) or plan.model or next(iter(dict(models.most_common(1))), None)
+    usage = compute_usage(trajectory, model, plan.prices)
+    if requests is not None:
+        usage = recorded_usage(requests, plan.prices, usage)
     calls = [call for call in record.calls if call.by == "agent"]
     return ReconstructionFile(
         schema_version=SCHEMA_VERSION,
@@ -86,7 +105,7 @@ def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> Recons
         calls=len(calls),
         failed_calls=sum(call.status != "success" for call in calls),
         checkpoints=len(record.checkpoints),
-        usage=compute_usage(trajectory, model, plan.prices),
+        usage=usage,
         finalisation=outcome.finalised,
         agent_sandbox=plan.agent_held.record(),
         blender_sandbox=plan.blender_held.record(),
@@ -94,7 +113,7 @@ def _result(plan: TrialPlan, image: TrackImage, outcome: TrialOutcome) -> Recons
     )
 
 
-def _status(outcome: TrialOutcome) -> tuple[Outcome, str]:
+def _status(outcome: TrialOutcome, requests: Sequence[ApiRequest] | None) -> tuple[Outcome, str]:
     """The status of a trial: a scene counts, however its agent ended."""
     ending, record, finalised = outcome.ended, outcome.record, outcome.finalised
     how = f"exit code {ending.code}" if ending.over is None else f"ended at its {ending.over} limit"
@@ -104,15 +123,17 @@ def _status(outcome: TrialOutcome) -> tuple[Outcome, str]:
     if not record.calls and ending.over is None and ending.code != 0:
         return "agent_failed", f"it called Blender never and ended with {how}; {last}"
     failed = ending.over is not None or ending.code != 0
-    if failed and not _model_answered(outcome.trajectory):
+    if failed and not _model_answered(outcome.trajectory, requests):
         return "agent_failed", f"its model never answered: {how}; {last}"
     if not record.checkpoints:
         return "no_scene", f"no call changed the scene; the agent: {how}"
     return "no_scene", f"no scene could be exported: {'; '.join(finalised.refused)}"
 
 
-def _model_answered(trajectory: AtifTrajectory) -> bool:
-    """Whether a transcript has a step of the agent's that cost tokens, or may have."""
+def _model_answered(trajectory: AtifTrajectory, requests: Sequence[ApiRequest] | None) -> bool:
+    """Whether a request was answered; else a step of the transcript cost tokens, or may have."""
+    if requests is not None:
+        return any(row.prompt_tokens is not None for row in requests)
     totals = trajectory.final_metrics
     free = isinstance(totals, AtifFinalMetrics) and totals.total_completion_tokens == 0
     return not free and any(step.source == "agent" for step in trajectory.steps)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @option("--programs", "Programs that `program` plays.", EXISTING_FOLDER)
 @option("--model", "The agent's model [default: the agent's own].")
 @option("--prices", "A price card (.toml) [default: the one that is shipped].", EXISTING_FILE)
+@flag("--record", "Count tokens by a proxy between the agent and its API.")
 @option("--limit", "Only the first N images.")
 @option("--repeat", "Independent runs; above 1 each has a folder run_K.", COUNT, default=1)
 @option("--workers", "Trials at once.", default=1)
@@ -62,7 +63,7 @@ def command(track: Path, output: Path, out: Output, **given: Any) -> int:
 
     \b
     Examples:
-      legoworld reconstruct track.json --photos val2017 --agent codex -o scenes
+      legoworld reconstruct track.json --photos val2017 --agent codex --record -o scenes
       legoworld reconstruct track.json --photos val2017 --agent program \\
           --programs examples/coco-val2017 -o scenes --workers 2
       legoworld reconstruct track.json --photos val2017 --agent claude --plugin \\

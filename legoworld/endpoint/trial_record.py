@@ -19,7 +19,7 @@ STORE: Final = "checkpoints"
 LARGEST_FILE: Final = 4 << 30
 #: A .blend as it is, or compressed by Zstandard or, before Blender 3.0, gzip.
 _BLENDS: Final = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
-_Row = TypeVar("_Row", Call, Checkpoint)
+_Row = TypeVar("_Row", bound=Record)
 
 
 class TrialRecord:
@@ -68,7 +68,7 @@ class TrialRecord:
         )
         file.replace(self.blend(row))  # the same content, where it is there
         self.checkpoints.append(row)
-        _append(self.folder / CHECKPOINTS, row)
+        append_row(self.folder / CHECKPOINTS, row)
         return row
 
     def keep_saved(self, workspace: Path, *, call: int, at_s: float) -> Checkpoint | None:
@@ -120,7 +120,7 @@ class TrialRecord:
     def note(self, call: Call) -> None:
         """Keep a call's row."""
         self.calls.append(call)
-        _append(self.folder / CALLS, call)
+        append_row(self.folder / CALLS, call)
 
 
 def read_rows(path: Path, kind: type[_Row]) -> list[_Row]:
@@ -141,6 +141,7 @@ def write_rows(path: Path, rows: Sequence[Record]) -> None:
     path.write_text("".join(canonical(row) + "\n" for row in rows), encoding="utf-8")
 
 
-def _append(path: Path, row: Record) -> None:
+def append_row(path: Path, row: Record) -> None:
+    """Add a row to a JSON Lines file."""
     with path.open("ab") as stream:
         stream.write(canonical(row).encode("utf-8", "backslashreplace") + b"\n")

@@ -13,6 +13,8 @@ from legoworld.records.scene_folder import Protected
 
 TranscriptFormat = Literal["atif", "codex", "claude", "gemini", "opencode"]
 McpFormat = Literal["mcp_servers", "codex", "opencode"]
+Wire = Literal["messages", "responses", "chat", "gemini"]
+RequestEnd = Literal["whole", "cut", "unreachable"]
 
 
 class AgentMcp(Record, frozen=True, kw_only=True):
@@ -61,6 +63,17 @@ UNLIMITED: Final = Budget()
 OverBudget = Literal["calls", "tokens", "cost"]
 
 
+class AgentRecord(Record, frozen=True, kw_only=True):
+    """[record]: for `reconstruct --record`, where the agent's API is and how it is sent elsewhere.
+
+    variables, settings: added to the card's and to those of [mcp], {api} being the recorder.
+    """
+
+    api: Annotated[str, Meta(pattern="^https?://[^/]")]
+    variables: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
 class AgentCardFile(Record, frozen=True, kw_only=True):
     """A card of legoworld/agents/cards.
 
@@ -100,6 +113,7 @@ class AgentCardFile(Record, frozen=True, kw_only=True):
     mcp: AgentMcp
     transcript: AgentTranscript
     needs: AgentNeeds
+    record: AgentRecord | None = None
     variables: dict[str, str] = msgspec.field(default_factory=dict)
 
 
@@ -117,9 +131,11 @@ class RecordedStep(Record, frozen=True, kw_only=True):
 
 
 class Usage(Record, frozen=True, kw_only=True):
-    """What a transcript says was used; null where it does not say.
+    """What a trial used; null where its source does not say.
 
-    cost_source: "transcript", or the price card that the cost is by; null without a cost.
+    tokens_source: null without tokens; cost_source: "transcript", or the price card that the cost
+    is by, null without a cost. requests, uncounted: of a recorded trial, and how many of them were
+    answered without tokens or cut before the end: what they used is in no total.
     """
 
     prompt_tokens: int | None = None
@@ -127,6 +143,39 @@ class Usage(Record, frozen=True, kw_only=True):
     cached_tokens: int | None = None
     cost_usd: float | None = None
     cost_source: str | None = None
+    tokens_source: Literal["recorded", "transcript"] | None = None
+    requests: int | None = None
+    uncounted: int | None = None
+
+
+class ApiRequest(Record, frozen=True, kw_only=True):
+    """A line of trial/requests.jsonl: one request of the agent's program to its API.
+
+    at_s: of the trial's time; wire: the API that was asked for a model's answer, null for another
+    request; status: null without an answer; ended: `cut` by its client, the API or the trial's end.
+    """
+
+    number: int
+    at_s: float
+    seconds: float = 0.0
+    wire: Wire | None
+    model: str | None = None
+    status: int | None = None
+    ended: RequestEnd = "cut"
+    prompt_tokens: int | None = None
+    cached_tokens: int | None = None
+    completion_tokens: int | None = None
+
+    @property
+    def spent(self) -> bool:
+        """Whether it may have used tokens."""
+        refused = self.status is not None and self.status >= 300
+        return self.wire is not None and self.ended != "unreachable" and not refused
+
+    @property
+    def uncounted(self) -> bool:
+        """Whether it may have used tokens that its answer did not state."""
+        return self.spent and None in (self.prompt_tokens, self.completion_tokens)
 
 
 Outcome = Literal["ok", "no_scene", "agent_failed", "no_photo", "failed"]

@@ -17,6 +17,7 @@ from legoworld.records.atif import (
     Content,
 )
 from legoworld.records.base import UNSET
+from legoworld.trajectories.pictures import is_picture_file
 
 
 @dataclass(kw_only=True)
@@ -82,7 +83,7 @@ def remaining_fields(event: Mapping[str, Json], *lifted: str) -> dict[str, Any]:
 
 
 def parse_content(value: Json) -> Content | None:
-    """Text, or a list of parts, as ATIF has it. Pictures stay in the transcript itself.
+    """Text, or a list of parts, as ATIF has it. Pictures are files, which parts name.
 
     A part of MCP or of a model's API is turned into ATIF's: {"type": "text", "text": ...}.
     """
@@ -94,7 +95,9 @@ def parse_content(value: Json) -> Content | None:
     if all(part.get("type") == "text" and set(part) <= {"type", "text"} for part in parts):
         return "\n".join(str(part["text"]) for part in parts)
     return [
-        {"type": "text", "text": str(part["text"])}
+        part
+        if is_picture_file(part)
+        else {"type": "text", "text": str(part["text"])}
         if part.get("type") == "text"
         else {"type": "text", "text": _as_text(part)}
         for part in parts

@@ -6,9 +6,6 @@ notice on standard output) is a step of its own with the line as it is.
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +13,6 @@ from typing import Any, Final
 import msgspec
 from msgspec.structs import replace
 
-from legoworld.files import Json
 from legoworld.records.agents import TranscriptFormat, Usage
 from legoworld.records.atif import (
     ATIF_VERSION,
@@ -29,6 +25,7 @@ from legoworld.records.base import UNSET, RecordError, UnsetType, decode
 from legoworld.trajectories.claude_lines import claude_steps
 from legoworld.trajectories.codex_lines import codex_steps
 from legoworld.trajectories.event_lines import gemini_steps, opencode_steps
+from legoworld.trajectories.pictures import without_pictures
 from legoworld.trajectories.steps import ParsedStep, ParsedTranscript
 
 _LINES: Final[Mapping[str, Callable[[list[Any]], ParsedTranscript]]] = {
@@ -37,63 +34,41 @@ _LINES: Final[Mapping[str, Callable[[list[Any]], ParsedTranscript]]] = {
     "gemini": gemini_steps,
     "opencode": opencode_steps,
 }
-#: How base64 begins of what agents look at.
-_PICTURES: Final = {
-    "iVBORw0KGgo": "image/png",
-    "/9j/": "image/jpeg",
-    "UklGR": "image/webp",
-    "R0lGOD": "image/gif",
-}
-_SHORTEST_PICTURE: Final = 64
-_DATA_URL: Final = re.compile(r"^data:image/[\w.+-]+;base64,")
-_BASE64: Final = re.compile(r"[A-Za-z0-9+/]+={0,2}")
 
 
 def read_transcript(
-    path: Path | None, kind: TranscriptFormat, *, agent: str, version: str, prompt: str
+    path: Path | None,
+    kind: TranscriptFormat,
+    *,
+    agent: str,
+    version: str,
+    prompt: str,
+    scene_folder: Path | None = None,
 ) -> AtifTrajectory:
     """A transcript as ATIF; one that is not there has the prompt as its only step.
 
-    agent, version, prompt: what the runtime knows, where the transcript does not say.
+    agent, version, prompt: what the runtime knows, where the transcript does not say; scene_folder:
+    where the pictures become files, None to leave them out.
     """
     data = path.read_bytes() if path is not None and path.is_file() else b""
     if kind == "atif":
         try:
-            return _number_steps(decode(AtifTrajectory, data))
+            return _number_steps(_whole(data, scene_folder))
         except RecordError as error:
             return _document(
                 agent, version, prompt, ParsedTranscript(notes=f"no transcript: {error}")
             )
-    reading = _LINES[kind](parsed_lines(data))
+    reading = _LINES[kind](parsed_lines(data, scene_folder))
     return _document(agent, version, prompt, reading)
 
 
-def without_pictures(value: Json) -> Json:
-    """A JSON value with every picture in base64, in text or as a data URL, as its size and hash.
-
-    The transcript itself keeps the bytes.
-    """
-    if isinstance(value, dict):
-        return {key: without_pictures(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [without_pictures(item) for item in value]
-    if not isinstance(value, str) or len(value) < _SHORTEST_PICTURE:
-        return value
-    text = _DATA_URL.sub("", value)
-    kind = next((kind for begin, kind in _PICTURES.items() if text.startswith(begin)), None)
-    if kind is None or not _BASE64.fullmatch(text) or len(text) % 4:
-        return value
-    data = base64.b64decode(text)
-    return f"[{kind}, {len(data)} bytes, sha256 {hashlib.sha256(data).hexdigest()}]"
-
-
-def parsed_lines(data: bytes) -> list[Any]:
+def parsed_lines(data: bytes, scene_folder: Path | None = None) -> list[Any]:
     """The JSON value of each line; the line as text where it is none."""
     values: list[Any] = []
     for line in data.split(b"\n"):
         if line.strip():
             try:
-                values.append(without_pictures(msgspec.json.decode(line)))
+                values.append(without_pictures(msgspec.json.decode(line), scene_folder))
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
                 values.append(line.decode("utf-8", "replace"))
     return values
@@ -111,11 +86,14 @@ def total_usage(trajectory: AtifTrajectory) -> Usage:
         values = [value for m in steps if (value := _none_if_unset(getattr(m, each))) is not None]
         return sum(values) if values else None
 
+    prompt = summed("total_prompt_tokens", "prompt_tokens")
+    completion = summed("total_completion_tokens", "completion_tokens")
     return Usage(
-        prompt_tokens=summed("total_prompt_tokens", "prompt_tokens"),
-        completion_tokens=summed("total_completion_tokens", "completion_tokens"),
+        prompt_tokens=prompt,
+        completion_tokens=completion,
         cached_tokens=summed("total_cached_tokens", "cached_tokens"),
         cost_usd=summed("total_cost_usd", "cost_usd"),
+        tokens_source=None if (prompt, completion) == (None, None) else "transcript",
     )
 
 
@@ -134,6 +112,13 @@ def _document(agent: str, version: str, prompt: str, reading: ParsedTranscript) 
         notes=reading.notes or UNSET,
         final_metrics=replace(total or AtifFinalMetrics(), total_steps=len(steps)),
     )
+
+
+def _whole(data: bytes, scene_folder: Path | None) -> AtifTrajectory:
+    """A document in ATIF. RecordError for another."""
+    document = decode(dict[str, Any], data)
+    lifted = without_pictures(document, scene_folder)
+    return decode(AtifTrajectory, data if lifted == document else msgspec.json.encode(lifted))
 
 
 def _number_steps(trajectory: AtifTrajectory) -> AtifTrajectory:

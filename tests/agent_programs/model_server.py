@@ -82,7 +82,7 @@ class ModelServer:
     @contextmanager
     def serving(self) -> Iterator[ModelServer]:
         """Serve until the end of the block."""
-        thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
         thread.start()
         try:
             yield self

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +17,16 @@ from pathlib import Path
 import pytest
 from agent_programs.model_server import ModelServer, Turn
 from agents.tracks import SMALL, make_track
+from trajectories.harbor import refusal_of_harbor
 
 from legoworld.agents.agent_cards import load_agent
 from legoworld.agents.campaign import reconstruct
+from legoworld.endpoint.trial_record import read_rows
 from legoworld.files import sha256_of_file
-from legoworld.records.agents import ReconstructionFile, TrialRow
+from legoworld.records.agents import ApiRequest, ReconstructionFile, TrialRow, Usage
 from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import decode
+from legoworld.trajectories.transcripts import read_transcript, total_usage
 
 PROGRAMS = os.environ.get("LEGOWORLD_AGENT_PROGRAMS")
 pytestmark = [
@@ -33,13 +37,13 @@ pytestmark = [
 
 @dataclass(frozen=True, kw_only=True)
 class Program:
-    """What a card of one's own adds to a shipped one, {url} being the model server's.
+    """What a card of one's own adds to a shipped one, whose API the recorder forwards to.
 
     reads: the tool by which the model sees the photo, where the program does not show it at once;
     counted: whether its transcript counts the requests that have no tools (titles, routing).
     """
 
-    settings: str = "{{}}"
+    settings: str = "{}"
     variables: str = ""
     reads: str | None = None
     counted: bool = True
@@ -47,24 +51,18 @@ class Program:
 
 AGENTS = {
     "claude": Program(
-        variables='ANTHROPIC_BASE_URL = "{url}"\nCLAUDE_CODE_DISABLE_NONESSENTIAL_TRAFFIC = "1"',
+        variables='CLAUDE_CODE_DISABLE_NONESSENTIAL_TRAFFIC = "1"',
         reads="Read",
     ),
-    "codex": Program(
-        settings='{{model_provider = "own", model_providers = {{own = {{name = "own", '
-        'base_url = "{url}/v1", env_key = "CODEX_API_KEY", wire_api = "responses"}}}}}}'
-    ),
-    "gemini": Program(
-        settings='{{security = {{auth = {{selectedType = "gemini-api-key"}}}}}}',
-        variables='GOOGLE_GEMINI_BASE_URL = "{url}"',
-    ),
+    "codex": Program(),
+    "gemini": Program(),
     "opencode": Program(
-        settings='{{model = "anthropic/claude-sonnet-4-5", provider = {{anthropic = '
-        '{{options = {{baseURL = "{url}/v1"}}}}}}}}',
+        settings='{model = "anthropic/claude-sonnet-4-5"}',
         variables='OPENCODE_DISABLE_MODELS_FETCH = "1"',
         counted=False,
     ),
 }
+KEY = "sk-a-secret-of-9604"
 KEYS = ("ANTHROPIC_API_KEY", "CODEX_API_KEY", "GEMINI_API_KEY")
 LABELLED = f"{SMALL}\nbpy.data.objects['Cube']['category'] = 'chair'"
 SAVE = "import os\nbpy.ops.wm.save_as_mainfile(filepath=os.getcwd() + '/scene.blend')"
@@ -92,6 +90,11 @@ def script(program: Program, truth: Path) -> list[Turn]:
         code("I save.", SAVE),
         Turn(says="Done."),
     ]
+
+
+def tokens(used: Usage) -> tuple[int | None, int | None, int | None]:
+    """Prompt, cached and completion tokens."""
+    return used.prompt_tokens, used.cached_tokens, used.completion_tokens
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,16 +125,18 @@ def trial(name: str, folder: Path, *, failing: int = 0, time_limit_s: float = 40
     server = ModelServer(script(program, truth))
     server.failing = failing
     with server.serving(), pytest.MonkeyPatch.context() as patch:
-        added = f"settings = {program.settings}".format(url=server.url)
-        card = load_agent(name).path.read_text().replace("[transcript]", f"{added}\n\n[transcript]")
-        card += "\n" + program.variables.format(url=server.url) + "\n"
+        added = f"settings = {program.settings}\n\n[transcript]"
+        card = load_agent(name).path.read_text().replace("[transcript]", added)
+        card = re.sub('api = "https:[^"]*"', f'api = "{server.url}"', card)
+        card += "\n" + program.variables + "\n"
         (folder / f"{name}.toml").write_text(card)
         patch.setenv("PATH", f"{PROGRAMS}/bin:{os.environ['PATH']}")
         for key in KEYS:
-            patch.setenv(key, "none")
+            patch.setenv(key, KEY)
         (row,) = reconstruct(
             folder / "track.json", folder / "scenes", photos=folder / "photos",
             agent=str(folder / f"{name}.toml"), trial_limit_s=time_limit_s,
+            record=True,
         )  # fmt: skip
     photo = folder / "photos" / "one.png"
     scene = folder / "scenes" / "one"
@@ -163,15 +168,41 @@ def test_its_calls_are_recorded_with_those_that_failed_and_the_truth_is_not_ther
 
 
 def test_its_tokens_are_those_that_the_api_counted(done):
+    asked = [(a.prompt_tokens, a.cached_tokens, a.completion_tokens) for a in done.server.asked]
+    rows = read_rows(done.folder / "trial" / "requests.jsonl", ApiRequest)
+    counted = [r for r in rows if r.wire is not None]
+    assert sorted((r.prompt_tokens, r.cached_tokens, r.completion_tokens) for r in counted) == asked
     used = done.row.usage
+    assert tokens(used) == done.server.tokens
+    assert (used.tokens_source, used.requests, used.uncounted) == ("recorded", len(rows), 0)
+    totals = done.trajectory.final_metrics
+    assert totals.total_prompt_tokens == used.prompt_tokens
+    assert totals.extra["legoworld"]["tokens_source"] == "recorded"
+
+
+def test_its_transcript_counts_what_it_sees(done):
+    kind = load_agent(done.name).about.transcript.format
+    said = read_transcript(
+        done.folder / "trial" / "transcript", kind, agent="", version="", prompt=""
+    )
     asked = done.server.asked
     if not AGENTS[done.name].counted:
         asked = [a for a in asked if a.turn is not None]
-    assert (used.prompt_tokens, used.cached_tokens, used.completion_tokens) == (
+    assert tokens(total_usage(said)) == (
         sum(a.prompt_tokens for a in asked),
         sum(a.cached_tokens for a in asked),
         sum(a.completion_tokens for a in asked),
     )
+
+
+def test_its_key_is_in_no_file(done):
+    files = [path for path in done.folder.parents[1].rglob("*") if path.is_file()]
+    assert len(files) > 10
+    assert [path for path in files if KEY.encode() in path.read_bytes()] == []
+
+
+def test_its_trajectory_is_valid_by_harbor_s_validator(done):
+    assert refusal_of_harbor(done.folder / "trajectory.json") == ""
 
 
 def test_its_steps_are_the_script_s(done):
@@ -186,3 +217,6 @@ def test_an_api_that_is_down_until_the_limit_is_a_trial_to_make_again(name, tmp_
     down = trial(name, tmp_path, failing=10**6, time_limit_s=30.0)
     assert down.row.status == "agent_failed"
     assert "its model never answered" in down.row.reason
+    assert (tokens(down.row.usage), down.row.usage.uncounted) == ((0, 0, 0), 0)
+    rows = read_rows(down.folder / "trial" / "requests.jsonl", ApiRequest)
+    assert {r.status for r in rows if r.wire} <= {529}  # none where it started late

@@ -97,6 +97,8 @@ def test_a_budget_is_the_card_s_unless_another_is_asked_for(tmp_path):
         plan_budget(codex, Budget(tokens=5))
     with pytest.raises(UsageError, match="cannot be held"):
         plan_budget(load_agent("gemini"), Budget(cost_usd=5))
+    # Requests that are recorded are counted as they are made.
+    assert plan_budget(codex, Budget(tokens=5), record=True) == Budget(tokens=5)
 
 
 @pytest.mark.blender

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import tomllib
 from dataclasses import replace
 
@@ -25,8 +26,9 @@ from legoworld.agents.mcp_server import (
     plugin_relay,
     write_configuration,
 )
+from legoworld.agents.recorded_card import check_recordable, sent_to
 from legoworld.agents.run_plan import plan_run
-from legoworld.errors import CatalogError, UsageError
+from legoworld.errors import CatalogError, InstallationError, UsageError
 from legoworld.records.agents import AgentMcp
 
 CARDS = agent_cards()
@@ -52,6 +54,38 @@ def test_a_word_with_another_name_or_a_brace_of_its_own_is_refused(tmp_path, wor
     path.write_text(path.read_text().replace(json.dumps(word), '"-c={{a=1}}"'))
     words = dict.fromkeys(PLACEHOLDERS, "")
     assert "-c={a=1}" in build_command(read_agent_card(path), words, None, continues=False)
+
+
+@pytest.mark.parametrize("card", [c for c in CARDS if c.name != "program"], ids=lambda c: c.name)
+def test_a_recorded_agent_is_sent_to_the_recorder_and_what_else_its_card_says_stays(card):
+    check_recordable(card)
+    own = {"provider": {"anthropic": {"name": "x"}}, "security": 1}
+    mcp = structs.replace(card.about.mcp, settings=own)
+    mine = replace(card, about=structs.replace(card.about, mcp=mcp))
+    sent = sent_to(mine, "http://127.0.0.1:7").about
+    said = json.dumps([sent.mcp.settings, sent.variables])
+    assert "http://127.0.0.1:7" in said
+    assert "{api}" not in said
+    assert sent.variables.items() >= card.about.variables.items()
+    assert sent.mcp.settings["provider"]["anthropic"]["name"] == "x"
+
+
+def test_a_card_that_does_not_say_where_its_api_is_is_not_recorded(tmp_path):
+    server_or_skip()
+    folder = tmp_path / "in"
+    track = make_track(folder, ["one"])
+    given = ["reconstruct", str(track), "--photos", str(folder / "photos"), "--agent", "program"]
+    (folder / "programs").mkdir()
+    given += ["--programs", str(folder / "programs"), "--record", "-o", str(tmp_path / "out")]
+    assert cli.run(given) == 2
+    with pytest.raises(UsageError, match=r"no \[record\] in program.toml"):
+        check_recordable(load_agent("program"))
+
+
+def test_recording_says_which_extra_it_needs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "httpx2", None)
+    with pytest.raises(InstallationError, match="extra `record`"):
+        check_recordable(load_agent("claude"))
 
 
 def test_the_four_agents_and_the_one_that_plays_are_there():

@@ -6,12 +6,15 @@ import json
 from types import SimpleNamespace
 
 import pytest
+from msgspec.structs import replace
 
 from legoworld import __version__
 from legoworld.agents import trial_result
 from legoworld.agents.prices import read_prices
-from legoworld.agents.trial_result import TrialOutcome, write_result
+from legoworld.agents.trial_result import REQUESTS, TrialOutcome, write_result
+from legoworld.endpoint.trial_record import write_rows
 from legoworld.records.agents import (
+    ApiRequest,
     Budget,
     EndedAgent,
     Finalisation,
@@ -50,6 +53,7 @@ def plan(**said):
         "blender_held": BLENDER_HELD,
         "plugin": None,
         "budget": Budget(calls=9),
+        "record": False,
     }  # fmt: skip
     return SimpleNamespace(**(known | said))
 
@@ -139,6 +143,24 @@ def test_the_model_that_a_transcript_names_is_the_trial_s(written):
     row, provenance, _ = written(plan(), outcome(model="m-used"))
     assert (row.model, provenance["model"]) == ("m-used", "m-used")
     assert written(plan(model=None), outcome())[0].model is None
+
+
+def test_a_record_tells_the_model_the_tokens_and_whether_it_answered(written, tmp_path):
+    row = ApiRequest(
+        number=1, at_s=0.0, seconds=1.0, wire="chat", model="m-seen", status=200, ended="whole",
+        prompt_tokens=7, cached_tokens=0, completion_tokens=3,
+    )  # fmt: skip
+    down = replace(row, model=None, status=529, prompt_tokens=None, completion_tokens=None)
+    (tmp_path / TRIAL).mkdir()
+    path = tmp_path / TRIAL / REQUESTS
+    write_rows(path, [row, down])
+    made, provenance, _ = written(plan(model=None, record=True), outcome())
+    assert (made.model, provenance["usage"]["tokens_source"]) == ("m-seen", "recorded")
+    assert (made.usage.prompt_tokens, made.usage.requests, made.usage.uncounted) == (7, 2, 0)
+    nothing = outcome(code=None, over="time", checkpoints=(), made=NONE)
+    assert written(plan(record=True), nothing)[0].status == "no_scene"
+    write_rows(path, [down])
+    assert written(plan(record=True), nothing)[0].status == "agent_failed"
 
 
 def test_a_photo_without_a_field_of_view_has_no_camera_given(written):

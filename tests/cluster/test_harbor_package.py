@@ -1,4 +1,4 @@
-"""The exported task folders and their reward, read by Harbor's own package.
+"""The exported task folders, their reward and trajectories, read by Harbor's own package.
 
 Harbor needs Python 3.12, for which there is no bpy: it has an environment of its own, which `make
 test-harbor` makes and LEGOWORLD_HARBOR_PYTHON names.
@@ -6,25 +6,24 @@ test-harbor` makes and LEGOWORLD_HARBOR_PYTHON names.
 
 from __future__ import annotations
 
+import base64
 import json
-import os
 import subprocess
 from pathlib import Path
 
 import pytest
 from evaluation.reconstruction.datasets import write_dataset, write_run
+from trajectories.harbor import harbor_python, refusal_of_harbor
 
 from legoworld import cli
+from legoworld.records.base import readable
+from legoworld.trajectories.transcripts import read_transcript
 
 pytestmark = pytest.mark.cluster
 
-PYTHON = "LEGOWORLD_HARBOR_PYTHON"
-
 
 def test_harbor_takes_the_tasks_and_the_reward(tmp_path: Path):
-    python = os.environ.get(PYTHON)
-    if not python:
-        pytest.skip(f"{PYTHON} names no Python with Harbor: `make test-harbor` makes one")
+    python = harbor_python()
     dataset = write_dataset(tmp_path / "bench")
     tasks, evaluation = tmp_path / "tasks", tmp_path / "eval"
     assert cli.run(["bench", "export", "--harbor", str(dataset.root), "-o", str(tasks)]) == 0
@@ -56,3 +55,37 @@ def test_harbor_takes_the_tasks_and_the_reward(tmp_path: Path):
         assert "50.000000 degrees" in task["instruction"]
         assert (task["cpus"], task["memory_mb"]) == (2, 8192)
         assert (task["agent_timeout_s"], task["verifier_timeout_s"]) == (3600.0, 900.0)
+
+
+PNG = base64.b64encode(b"\x89PNG\r\n\x1a\n" + bytes(200)).decode()
+#: A picture that a tool came back with, at the end of a transcript of each kind that keeps one.
+PICTURES = {
+    "claude": [
+        {"type": "assistant", "message": {"id": "m", "content": [
+            {"type": "tool_use", "id": "c", "name": "look", "input": {}}]}},
+        {"type": "user", "message": {"content": [{"type": "tool_result", "tool_use_id": "c",
+            "content": [{"type": "image", "source": {"type": "base64", "data": PNG}}]}]}},
+    ],
+    "codex": [
+        {"type": "item.completed", "item": {"id": "i", "type": "mcp_tool_call", "tool": "look",
+            "result": {"content": [{"type": "image", "data": PNG, "mimeType": "image/png"}]}}},
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["claude", "codex", "gemini", "opencode"])
+def test_harbor_s_validator_takes_the_trajectory_of_each_agent(tmp_path: Path, kind: str):
+    recorded = Path(__file__).parents[1] / "trajectories" / "transcripts" / f"{kind}.jsonl"
+    lines = [json.dumps(line) for line in PICTURES.get(kind, ())]
+    (tmp_path / "transcript").write_text(recorded.read_text("utf-8") + "\n".join(lines), "utf-8")
+    found = read_transcript(
+        tmp_path / "transcript", kind, agent=kind, version="1", prompt="p", scene_folder=tmp_path
+    )
+    (tmp_path / "trajectory.json").write_text(readable(found), encoding="utf-8")
+    assert refusal_of_harbor(tmp_path / "trajectory.json") == ""
+    for picture in (tmp_path / "trial" / "pictures").glob("*"):
+        picture.unlink()
+        assert "does not exist" in refusal_of_harbor(tmp_path / "trajectory.json")
+        break
+    else:
+        assert kind not in PICTURES

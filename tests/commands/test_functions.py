@@ -42,7 +42,9 @@ OF_ONE_COMMAND: Final = {
     },
     "compare": {"joining"},  # legoworld.comparison has joined comparisons
     # of a view
-    "inspect": {"scene", "size_wh", "photo", "task", "track", "compare_sources", "output"},
+    "inspect": {
+        "scene", "size_wh", "photo", "task", "track", "compare_sources", "output", "animation",
+    },
     "trajectory pick": {"scores"},  # of what is printed
     "plugin evidence": {"verbose"},
 }  # fmt: skip

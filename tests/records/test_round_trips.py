@@ -74,7 +74,7 @@ def _text(kind: inspect.StrType) -> str:
     meta = msgspec.Meta(
         pattern=kind.pattern, min_length=kind.min_length, max_length=kind.max_length
     )
-    for text in ("a", "0" * 64, "coco/a.b-1", "1.0.0", "2026-01-01"):
+    for text in ("a", "0" * 64, "coco/a.b-1", "1.0.0", "2026-01-01", "https://a.b"):
         try:
             msgspec.convert(text, Annotated[str, meta])
         except msgspec.ValidationError:

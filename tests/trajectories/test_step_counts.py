@@ -8,8 +8,10 @@ import json
 
 import pytest
 
-from legoworld.records.base import UNSET, canonical
-from legoworld.trajectories.transcripts import read_transcript, total_usage, without_pictures
+from legoworld.records.atif import AtifTrajectory
+from legoworld.records.base import UNSET, canonical, decode
+from legoworld.trajectories.pictures import PICTURES, without_pictures
+from legoworld.trajectories.transcripts import read_transcript, total_usage
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(range(256))
 TEXT = base64.b64encode(PNG).decode()
@@ -116,3 +118,56 @@ def test_real_recordings_count_what_the_model_s_side_counted(real_data, name):
     assert steps == [] or sum(steps) == counted[2]
     assert "iVBORw0KGgo" not in canonical(found)
     assert "/9j/" not in canonical(found)
+
+
+def blocks_of(kind: str) -> list[dict]:
+    """Lines of a transcript of this kind with one picture that a tool came back with."""
+    if kind == "claude":
+        picture = {"type": "image", "source": {"type": "base64", "data": TEXT}}
+        call = {"type": "tool_use", "id": "c", "name": "look", "input": {}}
+        result = {"type": "tool_result", "tool_use_id": "c", "content": [picture]}
+        return [
+            {"type": "assistant", "message": {"id": "m", "content": [call]}},
+            {"type": "user", "message": {"content": [result]}, "again": {"base64": TEXT}},
+        ]
+    content = [{"type": "text", "text": "so"}, {"type": "image", "data": TEXT, "mimeType": "x"}]
+    item = {"id": "i", "type": "mcp_tool_call", "tool": "look", "result": {"content": content}}
+    return [{"type": "item.completed", "item": item}]
+
+
+@pytest.mark.parametrize("kind", ["claude", "codex"])
+def test_a_picture_is_a_file_that_its_part_names(tmp_path, kind):
+    path = tmp_path / "transcript"
+    path.write_text("".join(json.dumps(line) + "\n" for line in blocks_of(kind)))
+    scene = tmp_path / "scene"
+    found = read_transcript(
+        path, kind, agent="a", version="1", prompt="p", scene_folder=scene
+    )  # fmt: skip
+    (result,) = [s.observation.results[0] for s in found.steps if s.observation]
+    picture = result.content[-1]
+    (file,) = (scene / PICTURES).iterdir()
+    assert picture == {
+        "type": "image",
+        "source": {"media_type": "image/png", "path": f"{PICTURES}/{file.name}"},
+    }
+    assert file.read_bytes() == base64.b64decode(TEXT)
+    assert file.stem == hashlib.sha256(file.read_bytes()).hexdigest()
+    assert TEXT not in canonical(found)
+
+
+def test_a_document_in_atif_names_its_pictures_and_an_old_one_is_read_as_it_is(tmp_path):
+    old = {"type": "text", "text": json.dumps({"type": "image", "data": SHOWN})}
+    new = {"type": "image", "source": {"type": "base64", "media_type": "image/png", "data": TEXT}}
+    step = {"step_id": 1, "source": "agent", "message": [old, new]}
+    agent = {"name": "a", "version": "1"}
+    document = {"schema_version": "ATIF-v1.5", "agent": agent, "steps": [step]}
+    path = tmp_path / "transcript.json"
+    path.write_text(json.dumps(document))
+    found = read_transcript(
+        path, "atif", agent="a", version="1", prompt="p", scene_folder=tmp_path
+    )  # fmt: skip
+    kept, lifted = found.steps[0].message
+    assert kept == old
+    assert (tmp_path / lifted["source"]["path"]).read_bytes() == base64.b64decode(TEXT)
+    read_again = decode(AtifTrajectory, json.dumps(document))
+    assert read_again.steps[0].message == [old, new]

@@ -1,0 +1,68 @@
+"""A card whose agent is sent to the recorder, and what recording needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgspec.structs import replace
+
+from legoworld import extras
+from legoworld.agents.agent_cards import AgentCard
+from legoworld.errors import InstallationError, UsageError
+from legoworld.files import Json
+
+
+def check_recordable(card: AgentCard) -> None:
+    """UsageError for a card that cannot be recorded; InstallationError without the extra."""
+    if card.about.record is None:
+        raise UsageError(
+            f"the agent {card.name} cannot be recorded",
+            found=f"no [record] in {card.path.name}",
+            expected="a card that says where its API is, and how its agent is sent elsewhere",
+            next_step="leave out --record, or add the table; docs/agents.md",
+        )
+    try:
+        import httpx2  # noqa: F401
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+    except ImportError as error:
+        raise InstallationError(
+            "`reconstruct --record` needs a package that is not installed",
+            found=str(error),
+            expected="the extra `record`",
+            next_step=extras.install_command("record"),
+        ) from error
+
+
+def sent_to(card: AgentCard, url: str) -> AgentCard:
+    """The card with the recorder's address in its variables and settings."""
+    about, record = card.about, card.about.record
+    if record is None:
+        return card
+    given = {key: _filled(value, url) for key, value in record.settings.items()}
+    told = {key: text.replace("{api}", url) for key, text in record.variables.items()}
+    return AgentCard(
+        about=replace(
+            about,
+            variables={**about.variables, **told},
+            mcp=replace(about.mcp, settings=_joined(about.mcp.settings, given)),
+        ),
+        path=card.path,
+        sha256=card.sha256,
+    )
+
+
+def _filled(value: Json, url: str) -> Json:
+    if isinstance(value, dict):
+        return {key: _filled(item, url) for key, item in value.items()}
+    return value.replace("{api}", url) if isinstance(value, str) else value
+
+
+def _joined(below: Mapping[str, Json], above: Mapping[str, Json]) -> dict[str, Json]:
+    """Both tables; where both have a value, the second's."""
+    joined = {**below, **above}
+    for key in below.keys() & above.keys():
+        old, new = below[key], above[key]
+        if isinstance(old, dict) and isinstance(new, dict):
+            joined[key] = _joined(old, new)
+    return joined
