@@ -86,7 +86,7 @@ def test_a_budget_is_the_card_s_unless_another_is_asked_for(tmp_path):
     codex = load_agent("codex")
     card = tmp_path / "own.toml"
     text = codex.path.read_text().replace('name = "codex"', 'name = "own"')
-    card.write_text(text.replace('format = "codex"\n\n[needs]', 'format = "claude"\n\n[needs]')
+    card.write_text(text.replace('[transcript]\nformat = "codex"', '[transcript]\nformat = "claude"')
                     + "\n[budget]\ncalls = 40\ntokens = 1000\n")  # fmt: skip
     own = read_agent_card(card)
     assert plan_budget(own, Budget()) == Budget(calls=40, tokens=1000)
