@@ -54,6 +54,17 @@ def used_tokens(usage: Usage) -> int | None:
     return sum(counts) if counts else None
 
 
+def unheld(budget: Budget, used: Usage) -> tuple[str, ...]:
+    """What of a budget could not be held to, since nothing counts it."""
+    unknown = {
+        "tokens": budget.tokens is not None and used_tokens(used) is None,
+        "dollars": budget.cost_usd is not None and used.cost_usd is None,
+    }
+    return tuple(
+        f"the budget was not held to: no {name} are known" for name in unknown if unknown[name]
+    )
+
+
 def read_usage(
     paths: Sequence[Path], kind: TranscriptFormat, model: str | None, prices: PriceCard
 ) -> Usage:

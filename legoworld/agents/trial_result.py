@@ -10,6 +10,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
+from legoworld.agents.budget import unheld
 from legoworld.agents.prices import compute_usage, recorded_usage, with_usage
 from legoworld.agents.scene_content import scene_content
 from legoworld.agents.trial_plan import TrialPlan
@@ -110,6 +111,7 @@ def _result(
         agent_sandbox=plan.agent_held.record(),
         blender_sandbox=plan.blender_held.record(),
         continued=outcome.continued,
+        warnings=unheld(plan.budget, usage),
     )
 
 

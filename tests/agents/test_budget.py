@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
@@ -12,11 +13,14 @@ from waiting import until
 
 from legoworld import cli
 from legoworld.agents.agent_cards import load_agent, read_agent_card
-from legoworld.agents.budget import BudgetWatch, plan_budget, read_usage, used_tokens
+from legoworld.agents.budget import BudgetWatch, plan_budget, read_usage, unheld, used_tokens
 from legoworld.agents.prices import PriceCard
+from legoworld.agents.trial import _usage_so_far
+from legoworld.agents.unfinished_trial import UnfinishedTrial
+from legoworld.endpoint.trial_record import write_rows
 from legoworld.errors import UsageError
-from legoworld.records.agents import Budget, ModelPrice, PriceCardFile, Usage
-from legoworld.trajectories.folder import read_trial
+from legoworld.records.agents import ApiRequest, Budget, ModelPrice, PriceCardFile, Usage
+from legoworld.trajectories.folder import TRIAL, read_trial
 
 PRICES = PriceCard(
     about=PriceCardFile(
@@ -64,6 +68,33 @@ def test_a_cost_that_the_transcript_tells_goes_before_the_card(tmp_path):
     assert (used_tokens(used), used.cost_usd) == (11, 0.25)
 
 
+def test_a_recorder_counts_while_the_transcript_says_nothing(tmp_path):
+    unfinished = UnfinishedTrial(folder=tmp_path, stays=True)
+    (unfinished.scene_folder / TRIAL).mkdir(parents=True)
+    plan = SimpleNamespace(record=True, prices=PRICES)
+    rows = [
+        ApiRequest(
+            number=number, at_s=1.0, wire="responses", status=200, seconds=1.0, ended="whole",
+            model="m", prompt_tokens=1000, cached_tokens=0, completion_tokens=number,
+        )
+        for number in (10, 20)
+    ]  # fmt: skip
+    write_rows(unfinished.scene_folder / TRIAL / "requests.jsonl", rows)
+    used = _usage_so_far(plan, unfinished)
+    assert used_tokens(used) == 2030
+    assert used.cost_usd == pytest.approx(0.02 + 0.003)
+
+
+def test_a_budget_that_nothing_counts_is_named():
+    asked = Budget(calls=5, tokens=9, cost_usd=1.0)
+    assert unheld(asked, Usage(prompt_tokens=3, cost_usd=0.5)) == ()
+    assert unheld(asked, Usage()) == (
+        "the budget was not held to: no tokens are known",
+        "the budget was not held to: no dollars are known",
+    )
+    assert unheld(Budget(calls=5), Usage()) == ()
+
+
 @pytest.mark.parametrize(
     ("budget", "used", "over"),
     [
@@ -86,18 +117,17 @@ def test_a_budget_is_the_card_s_unless_another_is_asked_for(tmp_path):
     codex = load_agent("codex")
     card = tmp_path / "own.toml"
     text = codex.path.read_text().replace('name = "codex"', 'name = "own"')
-    card.write_text(text.replace('[transcript]\nformat = "codex"', '[transcript]\nformat = "claude"')
-                    + "\n[budget]\ncalls = 40\ntokens = 1000\n")  # fmt: skip
+    text = text.replace('[transcript]\nformat = "codex"', '[transcript]\nformat = "claude"')
+    card.write_text(text + "\n[budget]\ncalls = 40\ntokens = 1000\n")
     own = read_agent_card(card)
-    assert plan_budget(own, Budget()) == Budget(calls=40, tokens=1000)
+    assert plan_budget(own, Budget(), record=False) == Budget(calls=40, tokens=1000)
     asked = Budget(calls=5, cost_usd=1.0)
-    assert plan_budget(own, asked) == Budget(calls=5, tokens=1000, cost_usd=1.0)
-    assert plan_budget(codex, Budget(calls=3)) == Budget(calls=3)
+    assert plan_budget(own, asked, record=False) == Budget(calls=5, tokens=1000, cost_usd=1.0)
+    assert plan_budget(codex, Budget(calls=3), record=False) == Budget(calls=3)
     with pytest.raises(UsageError, match=r"codex cannot be held .*counts them when it has ended"):
-        plan_budget(codex, Budget(tokens=5))
+        plan_budget(codex, Budget(tokens=5), record=False)
     with pytest.raises(UsageError, match="cannot be held"):
-        plan_budget(load_agent("gemini"), Budget(cost_usd=5))
-    # Requests that are recorded are counted as they are made.
+        plan_budget(load_agent("gemini"), Budget(cost_usd=5), record=False)
     assert plan_budget(codex, Budget(tokens=5), record=True) == Budget(tokens=5)
 
 

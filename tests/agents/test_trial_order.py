@@ -40,13 +40,14 @@ class Trial:
         self.unfinished = UnfinishedTrial(folder=folder, stays=True, lease=9)
         self.log, self.photo, self.calls = [], True, 2
         about = SimpleNamespace(
-            transcript=SimpleNamespace(format="codex", path=None), version="1.0"
+            transcript=SimpleNamespace(format="codex", path=None), version="1.0", record=None
         )
         self.plan = SimpleNamespace(
             card=SimpleNamespace(name="own", sha256="c", about=about), agent_version=None,
             work=SimpleNamespace(prompt_sha256="p", photos=Path("photos")), model="m",
             limits=SandboxLimits(time_s=100.0, memory_bytes=5), agent_held="agent's",
             blender_held="blender's", programs=None, plugin=None, prices=None, budget=Budget(),
+            record=False,
         )  # fmt: skip
         self.stop = Stop()
         for name in (
@@ -155,9 +156,8 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
     how = {"workspace": here.workspace, "limits": made.plan.limits, "held": "blender's",
            "blender": "the blender"}  # fmt: skip
     assert made.said("finalise") == [[here.scene_folder / TRIAL, 2, here.scene_folder, how]]
-    assert made.said("transcript") == [
-        ["transcript", "codex", {"agent": "own", "version": "1.0", "prompt": "do"}]
-    ]
+    about = {"agent": "own", "version": "1.0", "prompt": "do", "scene_folder": here.scene_folder}
+    assert made.said("transcript") == [["transcript", "codex", about]]
     assert made.said("result") == [[made.plan, IMAGE, here.scene_folder, "the blender"]]
     ended = outcome.ended
     assert (ended.code, ended.over, ended.last_output) == (3, "disk", "a" * 4095 + "z")
