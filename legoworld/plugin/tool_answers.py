@@ -8,16 +8,9 @@ import msgspec
 
 from legoworld.files import Json, canonical_json
 from legoworld.plugin.case import Case
-from legoworld.records.base import as_json, readable, to_record
-from legoworld.records.plugin_calls import (
-    ShownCorrection,
-    ShownJudgement,
-    ShownReport,
-    ShownResult,
-    ShownWorse,
-)
-from legoworld.records.plugin_ledger import Judgement
-from legoworld.records.plugin_requirements import Report, Requirement, Result
+from legoworld.records.base import readable
+from legoworld.records.plugin_calls import ShownReport
+from legoworld.records.plugin_requirements import Report
 
 JsonObject = dict[str, Any]
 
@@ -45,63 +38,26 @@ def state_of(case: Case) -> JsonObject:
 
 def report_of(case: Case, report: Report) -> JsonObject:
     """A report as answers show it, and where it is in full."""
-    shown = ShownReport(results=tuple(map(_shown_result, report.results)), blocked=report.blocked)
     return {
-        "report": shown,
+        "report": ShownReport(results=report.results, blocked=report.blocked),
         "report_sha256": case.artefacts.keep(readable(report).encode(), "json"),
     }
 
 
-def judgement_of(judgement: Judgement) -> ShownJudgement:
-    """A judgement as answers show it."""
-    return ShownJudgement(
-        accepted=judgement.accepted,
-        blocked=judgement.blocked,
-        allowed=judgement.allowed,
-        violations=judgement.violations,
-        worse=tuple(
-            ShownWorse(requirement=_asked(w.requirement), before=w.before, after=w.after)
-            for w in judgement.worse
-        ),
-    )
-
-
-def _shown_result(result: Result) -> ShownResult:
-    known = result.correction
-    return ShownResult(
-        requirement=_asked(result.requirement),
-        verdict=result.verdict,
-        measurement=None if result.measurement == result.residual else result.measurement,
-        residual=result.residual,
-        tolerance=result.tolerance,
-        reason=result.reason,
-        correction=None if known is None else to_record(ShownCorrection, as_json(known)),
-    )
-
-
-def _asked(requirement: Requirement) -> JsonObject:
-    """A requirement without its defaults."""
-    said = as_json(requirement)
-    for field in msgspec.structs.fields(requirement):
-        if said[field.name] == field.default:
-            del said[field.name]
-    return dict(said)
-
-
-def answer_json(answer: msgspec.Struct) -> JsonObject:
-    """An answer as JSON, its numbers to six digits."""
-    made: JsonObject = _rounded(as_json(answer))
-    return made
-
-
-def _rounded(value: Json) -> Any:
+def brief(value: msgspec.Struct | Json) -> Any:
+    """A record as JSON without nulls and defaults, its numbers to six digits."""
     if isinstance(value, float):
         return float(f"{value:.{_DIGITS}g}")
+    if isinstance(value, msgspec.Struct):
+        config = value.__struct_config__
+        made: JsonObject = {} if config.tag is None else {str(config.tag_field): config.tag}
+        for field in msgspec.structs.fields(value):
+            if (own := getattr(value, field.name)) != field.default:
+                made[field.name] = own
+        return brief(made)
     if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(item) for item in value]
-    return value
+        return {key: brief(item) for key, item in value.items() if item is not None}
+    return [brief(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def cut_answer(case: Case, answer: JsonObject) -> JsonObject:

@@ -25,7 +25,7 @@ _T = TypeVar("_T")
 _S = TypeVar("_S", bound=msgspec.Struct)
 
 #: The records of requirements, by the name of their kind.
-KINDS: Final[Mapping[str, Any]] = {
+KINDS: Final[Mapping[str, type[msgspec.Struct]]] = {
     str(kind.__struct_config__.tag): kind for kind in get_args(Requirement)
 }
 _REQUIREMENTS: Final = "requirements"
@@ -33,22 +33,48 @@ _REFERENCE: Final = "#/$defs/{name}"
 #: What every kind takes.
 _OF_ALL: Final = ("hard", "accept")
 _UNITS: Final = {"_m": "metres", "_deg": "degrees", "_px": "pixels"}
+_NULL: Final = {"type": "null"}
+_UNSAID: Final = ("title", "default")
 _DROPPED: Final = ("title", "default", "minLength", "maxLength", "maxItems")
 _STEP: Final = re.compile(r"\.([^.\[]+)|\[(\d+|\.\.\.)\]")
 
 
 @cache
-def answer_schema(record: Any) -> JsonObject:
+def answer_schema(record: type[msgspec.Struct]) -> JsonObject:
     """What a tool answers: the record with its descriptions, self-contained."""
     _, parts = msgspec.json.schema_components([record], ref_template=_REFERENCE)
-    own: JsonObject = _untitled(parts.pop(record.__name__))
+    own: JsonObject = _answered(parts.pop(record.__name__))
     # Of every answer, what its base says, too.
     own["description"] = " ".join(_flat(kind.__doc__) for kind in record.__mro__[:-4])
-    return {**own, "$defs": _untitled(parts)} if parts else own
+    kinds = {kind.__name__ for kind in KINDS.values()}
+    rest = {name: _answered(part) for name, part in parts.items() if name not in kinds}
+    return {**own, "$defs": rest} if rest else own
+
+
+def _answered(schema: Any) -> Any:
+    """A schema as `tool_answers.brief` leaves it: what may be null may be absent.
+
+    Without titles, descriptions on one line; a requirement, which the client sent, is any object.
+    """
+    if isinstance(schema, list):
+        return [_answered(item) for item in schema]
+    if not isinstance(schema, dict):
+        return _flat(schema) if isinstance(schema, str) else schema
+    if "discriminator" in schema:
+        return {"type": "object"}
+    if "anyOf" in schema:
+        known = [_answered(option) for option in schema["anyOf"] if option != _NULL]
+        return known[0] if len(known) == 1 else {"anyOf": known}
+    made = {key: _answered(value) for key, value in schema.items() if key not in _UNSAID}
+    if isinstance(fields := schema.get("properties"), dict):
+        made["required"] = [
+            name for name in schema["required"] if _NULL not in fields[name].get("anyOf", ())
+        ]
+    return made
 
 
 @cache
-def argument_schema(record: Any, *, in_full: bool = False) -> JsonObject:
+def argument_schema(record: type[msgspec.Struct], *, in_full: bool = False) -> JsonObject:
     """What a tool takes. in_full: with the union of requirements, else only that they are."""
     (_,), parts = msgspec.json.schema_components([record], ref_template=_REFERENCE)
     schema: JsonObject = _short(parts[record.__name__], parts)
@@ -92,7 +118,7 @@ def _requirement_schema() -> JsonObject:
 
 
 @cache
-def kind_schema(kind: Any) -> JsonObject:
+def kind_schema(kind: type[msgspec.Struct]) -> JsonObject:
     """The arguments of one kind of requirement."""
     _, parts = msgspec.json.schema_components([kind], ref_template=_REFERENCE)
     schema: JsonObject = _short(parts[kind.__name__], parts)
@@ -112,7 +138,7 @@ def requirements_page() -> str:
     return "\n".join(lines) + "\n\n" + _flat(KINDS["existence"].__base__.__doc__) + "\n"
 
 
-def _short(schema: Json, parts: Mapping[str, JsonObject]) -> Any:
+def _short(schema: Any, parts: Mapping[str, JsonObject]) -> Any:
     """A schema without references, titles, defaults, and nulls that a client may leave out."""
     if isinstance(schema, list):
         return [_short(item, parts) for item in schema]
@@ -121,7 +147,7 @@ def _short(schema: Json, parts: Mapping[str, JsonObject]) -> Any:
     if "$ref" in schema:
         return _short(parts[schema["$ref"].rpartition("/")[2]], parts)
     if "anyOf" in schema:
-        options = [o for o in schema["anyOf"] if o != {"type": "null"}]
+        options = [o for o in schema["anyOf"] if o != _NULL]
         if len(options) == 1:
             rest = {key: value for key, value in schema.items() if key != "anyOf"}
             return _short({**options[0], **rest}, parts)
@@ -136,22 +162,6 @@ def _short(schema: Json, parts: Mapping[str, JsonObject]) -> Any:
         elif key not in _DROPPED and not (key == "required" and not value):
             made[key] = value if key == "enum" else _short(value, parts)
     return made
-
-
-def _untitled(schema: Json) -> Any:
-    """A schema without titles and defaults, its descriptions on one line.
-
-    What has a default of null is left out of an answer instead.
-    """
-    if isinstance(schema, list):
-        return [_untitled(item) for item in schema]
-    if not isinstance(schema, dict):
-        return _flat(schema) if isinstance(schema, str) else schema
-    if schema.get("default", "") is None:
-        known = [option for option in schema["anyOf"] if option != {"type": "null"}]
-        return _untitled(known[0] if len(known) == 1 else {"anyOf": known})
-    dropped = [key for key in ("title", "default") if not isinstance(schema.get(key), dict)]
-    return {key: _untitled(value) for key, value in schema.items() if key not in dropped}
 
 
 def _flat(text: str | None) -> str:

@@ -18,7 +18,8 @@ from legoworld.plugin.initialisation import recover
 from legoworld.plugin.plan import construction_plan
 from legoworld.plugin.result_pictures import result_pictures
 from legoworld.plugin.room import assign_structures
-from legoworld.plugin.tool_answers import judgement_of, page_of, report_of, state_of
+from legoworld.plugin.server_looks import Looking, look
+from legoworld.plugin.tool_answers import page_of, report_of, state_of
 from legoworld.readouts.pictures import png_bytes
 from legoworld.records import plugin_calls as calls
 from legoworld.records.base import as_json, to_record
@@ -47,26 +48,22 @@ class Served:
         return self.evidence
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Tool:
-    """A row of the table. says: for the model; reads: changes nothing but the ledger.
+    """A row of the table. says: for the model; arguments, answer: types of records.
 
-    undoes: it takes edits back; again: a second call changes nothing more; ends: a cancelled call
-    ends early, otherwise it runs to its end unheard; union: shows all kinds of requirements.
-    arguments, answer: types of records; None for content beside which a client would leave out the picture.
+    answer: None for content beside which a client would leave out the picture. hints: words of
+    `reads` (it changes nothing but the ledger), `undoes` (it takes edits back), `again` (a second
+    call changes nothing more), `to its end` (cancelled, it runs on unheard).
     """
 
     name: str
     title: str
     says: str
-    arguments: Any
-    answer: Any
+    arguments: type[msgspec.Struct]
+    answer: type[msgspec.Struct] | None
     call: Callable[[Served, Any], msgspec.Struct | tuple[msgspec.Struct, bytes]]
-    reads: bool = False
-    undoes: bool = False
-    again: bool = False
-    ends: bool = True
-    union: bool = False
+    hints: tuple[str, ...] = ()
 
 
 def _reference_evidence(served: Served, _: calls.NoArguments) -> calls.EvidenceAnswer:
@@ -125,7 +122,7 @@ def _diff(served: Served, _: calls.NoArguments) -> calls.DiffAnswer:
 def _commit(served: Served, asked: calls.TransactionArguments) -> calls.CommitAnswer:
     judgement, report = served.case.commit(asked.transaction)
     return calls.CommitAnswer(
-        judgement=judgement_of(judgement),
+        judgement=judgement,
         **report_of(served.case, report),
         **state_of(served.case),
     )
@@ -171,6 +168,11 @@ def _review(
     return calls.ReviewAnswer(**as_json(made), **state_of(served.case)), png
 
 
+def _look(served: Served, asked: Looking) -> tuple[calls.LookAnswer, bytes]:
+    made, png = look(served.case, asked)
+    return to_record(calls.LookAnswer, {**as_json(made), **state_of(served.case)}), png
+
+
 def _export(served: Served, _: calls.NoArguments) -> calls.ExportAnswer:
     made = export(served.case)
     return calls.ExportAnswer(files=made.files, warnings=made.warnings, **state_of(served.case))
@@ -191,143 +193,42 @@ def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
     return calls.MoreAnswer(**page, **state_of(served.case))
 
 
+_READS: Final = ("reads", "again")
 #: In the order of a case.
 TOOLS: Final = (
-    Tool(
-        name="reference_evidence",
-        title="What the photo says",
-        says="Regions of the photo, its depth and camera.",
-        arguments=calls.NoArguments,
-        answer=calls.EvidenceAnswer,
-        call=_reference_evidence,
-        reads=True,
-        again=True,
-    ),
-    Tool(
-        name="initialize",
-        title="Install room and camera",
-        says="Recover room and camera from the photo; install both as one transaction. "
-        "structures: by region, what it shows.",
-        arguments=calls.InitializeArguments,
-        answer=calls.InitializeAnswer,
-        call=_initialize,
-        ends=False,
-    ),
-    Tool(
-        name="plan",
-        title="Construction plan",
-        says="Place, extent and relative depth of each object in the photo.",
-        arguments=calls.PlanArguments,
-        answer=calls.PlanAnswer,
-        call=_plan,
-        reads=True,
-        again=True,
-    ),
-    Tool(
-        name="measure",
-        title="Measure requirements",
-        says="Pass, fail or unknown of each requirement on the scene as it is, with residual and "
-        "correction. entity: an object with its children, or a collection. "
-        "legoworld://requirements explains the kinds.",
-        arguments=calls.MeasureArguments,
-        answer=calls.ReportAnswer,
-        call=_measure,
-        reads=True,
-        again=True,
-        union=True,
-    ),
-    Tool(
-        name="begin",
-        title="Begin an edit",
-        says="Before an edit: what may change and how, what may not, what has to hold after.",
-        arguments=Declaration,
-        answer=calls.BeginAnswer,
-        call=_begin,
-    ),
-    Tool(
-        name="status",
-        title="Where the case stands",
-        says="Whether a transaction is open, and its number.",
-        arguments=calls.NoArguments,
-        answer=calls.StatusAnswer,
-        call=_status,
-        reads=True,
-        again=True,
-    ),
-    Tool(
-        name="diff",
-        title="Changes so far",
-        says="Every change since the transaction began.",
-        arguments=calls.NoArguments,
-        answer=calls.DiffAnswer,
-        call=_diff,
-        reads=True,
-        again=True,
-    ),
-    Tool(
-        name="commit",
-        title="Judge the edit",
-        says="Accept the edit if it was declared and nothing got worse; else it stays open.",
-        arguments=calls.TransactionArguments,
-        answer=calls.CommitAnswer,
-        call=_commit,
-    ),
-    Tool(
-        name="rollback",
-        title="Take the edit back",
-        says="Return to the scene as it was when the transaction began.",
-        arguments=calls.TransactionArguments,
-        answer=calls.RollbackAnswer,
-        call=_rollback,
-        undoes=True,
-        ends=False,
-    ),
-    Tool(
-        name="validate",
-        title="Measure all that was required",
-        says="Measure all that committed transactions required, and more.",
-        arguments=calls.ValidateArguments,
-        answer=calls.ReportAnswer,
-        call=_validate,
-        reads=True,
-        again=True,
-    ),
-    Tool(
-        name="review",
-        title="Look at the scene",
-        says="Without arguments a render beside the photo; then call it with its render_sha256 and "
-        "your findings, [] for none.",
-        arguments=calls.ReviewArguments,
-        answer=None,
-        call=_review,
-    ),
-    Tool(
-        name="export",
-        title="Write the result",
-        says="Write scene.blend, scene.glb and renders into the case's folder.",
-        arguments=calls.NoArguments,
-        answer=calls.ExportAnswer,
-        call=_export,
-        again=True,
-    ),
-    Tool(
-        name="history",
-        title="What was called",
-        says="The last calls.",
-        arguments=calls.HistoryArguments,
-        answer=calls.HistoryAnswer,
-        call=_history,
-        reads=True,
-        again=True,
-    ),
-    Tool(
-        name="more",
-        title="The next page",
-        says="The rest of an answer with next_cursor.",
-        arguments=calls.MoreArguments,
-        answer=calls.MoreAnswer,
-        call=_more,
-        reads=True,
-        again=True,
-    ),
-)
+    Tool("reference_evidence", "What the photo says", "Regions of the photo, its depth and camera.",
+         calls.NoArguments, calls.EvidenceAnswer, _reference_evidence, _READS),
+    Tool("initialize", "Install room and camera", "Recover room and camera from the photo; install "
+         "both as one transaction. structures: by region, what it shows.",
+         calls.InitializeArguments, calls.InitializeAnswer, _initialize, ("to its end",)),
+    Tool("plan", "Construction plan", "Place, extent, relative depth of each object in the photo.",
+         calls.PlanArguments, calls.PlanAnswer, _plan, _READS),
+    Tool("measure", "Measure requirements", "Pass, fail or unknown of each requirement on the "
+         "scene as it is, with residual and correction. entity: an object with its children, or a "
+         "collection. legoworld://requirements explains the kinds.",
+         calls.MeasureArguments, calls.ReportAnswer, _measure, _READS),
+    Tool("begin", "Begin an edit", "Before an edit: what may change and how, what may not, what "
+         "has to hold after.", Declaration, calls.BeginAnswer, _begin),
+    Tool("status", "Where the case stands", "Whether a transaction is open, and its number.",
+         calls.NoArguments, calls.StatusAnswer, _status, _READS),
+    Tool("diff", "Changes so far", "Every change since the transaction began.",
+         calls.NoArguments, calls.DiffAnswer, _diff, _READS),
+    Tool("commit", "Judge the edit", "Accept the edit if it was declared and nothing got worse; "
+         "else it stays open.", calls.TransactionArguments, calls.CommitAnswer, _commit),
+    Tool("rollback", "Take the edit back", "Return to the scene of before the transaction.",
+         calls.TransactionArguments, calls.RollbackAnswer, _rollback, ("undoes", "to its end")),
+    Tool("validate", "Measure all that was required", "Measure all that committed transactions "
+         "required, and more.", calls.ValidateArguments, calls.ReportAnswer, _validate, _READS),
+    Tool("look", "Look from any side", "A picture of the scene as it is now. beside: the photo, or "
+         "the scene at begin, and the difference (red is brighter, blue darker). draw: geometry "
+         "needs no light.", Looking, None, _look, _READS),
+    Tool("review", "Look at the scene", "Without arguments a render beside the photo; then call it "
+         "with its render_sha256 and your findings, [] for none.",
+         calls.ReviewArguments, None, _review),
+    Tool("export", "Write the result", "Write scene.blend, scene.glb and renders into the case's "
+         "folder.", calls.NoArguments, calls.ExportAnswer, _export, ("again",)),
+    Tool("history", "What was called", "The last calls.",
+         calls.HistoryArguments, calls.HistoryAnswer, _history, _READS),
+    Tool("more", "The next page", "The rest of an answer with next_cursor.",
+         calls.MoreArguments, calls.MoreAnswer, _more, _READS),
+)  # fmt: skip

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from msgspec import Meta
 
-from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.base import Record
 from legoworld.records.plugin_evidence import (
     CameraEvidence,
     ConstructionPlan,
@@ -16,8 +16,8 @@ from legoworld.records.plugin_evidence import (
     Sha256,
     Structure,
 )
-from legoworld.records.plugin_ledger import Phase, Violation
-from legoworld.records.plugin_requirements import Correction, Requirement
+from legoworld.records.plugin_ledger import Judgement, Phase
+from legoworld.records.plugin_requirements import Requirement, Result
 from legoworld.records.plugin_state import Change
 
 
@@ -79,55 +79,27 @@ class MoreArguments(Record, frozen=True, kw_only=True):
     cursor: str
 
 
-class _Answer(Record, frozen=True, kw_only=True, omit_defaults=True):
-    """scene_signature: of the state that was read last; ledger_seq: the ledger's last entry.
+class _Answer(Record, frozen=True, kw_only=True):
+    """Nulls and defaults are left out; numbers have six digits.
 
-    notice: what was put right meanwhile. next_cursor: where the longest list was cut; `more` has
-    the rest.
+    scene_signature: of the state that was read last; ledger_seq: the ledger's last entry. notice:
+    what was put right meanwhile. next_cursor: the longest list was cut, `more` has the rest.
     """
 
     scene_signature: str | None
     ledger_seq: int
-    notice: str | UnsetType = UNSET
-    next_cursor: str | UnsetType = UNSET
+    notice: str | None = None
+    next_cursor: str | None = None
 
 
-class ShownCorrection(Correction, frozen=True, kw_only=True, omit_defaults=True):
-    """What would take the residual to zero, all else left as it is; measure again after it.
+class ShownReport(Record, frozen=True, kw_only=True):
+    """results: in the order of the requirements; blocked: a commit would be refused for them."""
 
-    move_m: of the entity, metres along the world's axes; on_ground_m: the same in the picture by a
-    move along x and y; scale: a factor about its middle; yaw_deg: degrees about the upright.
-    """
-
-
-class ShownResult(Record, frozen=True, kw_only=True, omit_defaults=True):
-    """One requirement measured.
-
-    requirement: as it was asked, without defaults. verdict: pass where residual <= tolerance;
-    unknown is never pass. measurement: left out where it is the residual. residual: in the unit of
-    the tolerance; null where nothing was measured, and reason says why.
-    """
-
-    requirement: dict[str, Any]
-    verdict: Literal["pass", "fail", "unknown"]
-    measurement: float | None = None
-    residual: float | None = None
-    tolerance: float
-    reason: str | None = None
-    correction: ShownCorrection | None = None
-
-
-class ShownReport(Record, frozen=True, kw_only=True, omit_defaults=True):
-    """results: in the order of the requirements, numbers to six digits.
-
-    blocked: a hard requirement that has to pass does not, or one is unknown.
-    """
-
-    results: tuple[ShownResult, ...]
+    results: tuple[Result, ...]
     blocked: bool
 
 
-class ReportAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class ReportAnswer(_Answer, frozen=True, kw_only=True):
     """report_sha256: the report in full, as the resource legoworld://reports/SHA256.
 
     pictures: sha256 of each result's, null without one: legoworld://renders/SHA256.
@@ -138,42 +110,20 @@ class ReportAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
     pictures: tuple[str | None, ...] | None = None
 
 
-class ShownWorse(Record, frozen=True, kw_only=True, omit_defaults=True):
-    """A requirement that holds less well than its rule allows: its residuals."""
-
-    requirement: dict[str, Any]
-    before: float | None = None
-    after: float | None = None
-
-
-class ShownJudgement(Record, frozen=True, kw_only=True, omit_defaults=True):
-    """accepted: the transaction is committed; otherwise it is open still.
-
-    allowed: changes that were declared; violations: those that were not. worse: what holds less
-    well than when the transaction began; blocked: something does, or the report is.
-    """
-
-    accepted: bool
-    blocked: bool
-    allowed: tuple[Change, ...] = ()
-    violations: tuple[Violation, ...] = ()
-    worse: tuple[ShownWorse, ...] = ()
-
-
-class CommitAnswer(ReportAnswer, frozen=True, kw_only=True, omit_defaults=True):
+class CommitAnswer(ReportAnswer, frozen=True, kw_only=True):
     """The judgement of an edit, and the report of its requirements."""
 
-    judgement: ShownJudgement
+    judgement: Judgement
 
 
-class BeginAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class BeginAnswer(_Answer, frozen=True, kw_only=True):
     """transaction: its number; unguarded: edits since the last one ended, made without any."""
 
     transaction: int
     unguarded: tuple[Change, ...]
 
 
-class StatusAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class StatusAnswer(_Answer, frozen=True, kw_only=True):
     """phase: whether a transaction is open; transaction: the last one's number, 0 before any.
 
     resumed: an earlier server of this ledger ended with the transaction open.
@@ -184,19 +134,19 @@ class StatusAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
     resumed: bool
 
 
-class DiffAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class DiffAnswer(_Answer, frozen=True, kw_only=True):
     """changes: since the open transaction began, by entity."""
 
     changes: tuple[Change, ...]
 
 
-class RollbackAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class RollbackAnswer(_Answer, frozen=True, kw_only=True):
     """restored: the signature of the scene, which is that of before the transaction."""
 
     restored: str
 
 
-class ShownEntry(Record, frozen=True, kw_only=True, omit_defaults=True):
+class ShownEntry(Record, frozen=True, kw_only=True):
     """A call: its number, its tool, why it failed, and where the case stood after it."""
 
     seq: int
@@ -207,13 +157,13 @@ class ShownEntry(Record, frozen=True, kw_only=True, omit_defaults=True):
     scene_signature: str | None = None
 
 
-class HistoryAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class HistoryAnswer(_Answer, frozen=True, kw_only=True):
     """entries: oldest first."""
 
     entries: tuple[ShownEntry, ...]
 
 
-class ShownRegion(Record, frozen=True, kw_only=True, omit_defaults=True):
+class ShownRegion(Record, frozen=True, kw_only=True):
     """A region of the photo: its pixels and box. category, score, source: of what drew it."""
 
     name: str
@@ -224,7 +174,7 @@ class ShownRegion(Record, frozen=True, kw_only=True, omit_defaults=True):
     source: str
 
 
-class ShownEvidence(Record, frozen=True, kw_only=True, omit_defaults=True):
+class ShownEvidence(Record, frozen=True, kw_only=True):
     """What the photo says; masks and depth arrays are used by `measure`, and not shown."""
 
     photo: PhotoEvidence
@@ -233,40 +183,48 @@ class ShownEvidence(Record, frozen=True, kw_only=True, omit_defaults=True):
     camera: CameraEvidence
 
 
-class EvidenceAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class EvidenceAnswer(_Answer, frozen=True, kw_only=True):
     """evidence: null where the server has none."""
 
     evidence: ShownEvidence | None
 
 
-class PlanAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class PlanAnswer(_Answer, frozen=True, kw_only=True):
     """plan: each object's place, extent and relative depth in the photo."""
 
     plan: ConstructionPlan
 
 
-class InitializeAnswer(PlanAnswer, frozen=True, kw_only=True, omit_defaults=True):
+class InitializeAnswer(PlanAnswer, frozen=True, kw_only=True):
     """room: as installed. kept: sha256 by file name, readable as resources."""
 
     room: Room
     kept: dict[str, str]
 
 
-class ReviewAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class ReviewAnswer(_Answer, frozen=True, kw_only=True):
     """render_sha256: of the picture; findings: as noted, null before."""
 
     render_sha256: str
     findings: tuple[str, ...] | None
 
 
-class ExportAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class LookAnswer(_Answer, frozen=True, kw_only=True):
+    """picture_sha256: of the picture; panes: from left to right; size_wh: of each."""
+
+    picture_sha256: str
+    panes: tuple[str, ...]
+    size_wh: tuple[int, int]
+
+
+class ExportAnswer(_Answer, frozen=True, kw_only=True):
     """files: sha256 by name, in the case's folder; warnings: what could not be delivered."""
 
     files: dict[str, str]
     warnings: tuple[str, ...] = ()
 
 
-class MoreAnswer(_Answer, frozen=True, kw_only=True, omit_defaults=True):
+class MoreAnswer(_Answer, frozen=True, kw_only=True):
     """items: more of the list that was cut; place: where the answer has it."""
 
     place: str
