@@ -26,7 +26,7 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 
 #: What a model reads of the tools, in tokens of four characters: docs/plugin.md has the figures.
 MOST_TOKENS = 1700
-MOST_TOKENS_OF_AN_ANSWER = 200
+MOST_TOKENS_OF_AN_ANSWER = 220
 #: Hints by name: read-only, destructive, idempotent.
 HINTS = {
     "reference_evidence": (True, False, True),
