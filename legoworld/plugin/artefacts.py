@@ -11,6 +11,17 @@ from legoworld.files import atomic_path
 
 ARTEFACTS: Final = "artefacts"
 Kind = Literal["json", "md", "png"]
+#: What comes before the hash in the address of a resource.
+URIS: Final[dict[Kind, str]] = {
+    "json": "legoworld://reports/",
+    "md": "legoworld://texts/",
+    "png": "legoworld://renders/",
+}
+MIME_TYPES: Final[dict[Kind, str]] = {
+    "json": "application/json",
+    "md": "text/markdown",
+    "png": "image/png",
+}
 
 
 def find_kind(name: str) -> Kind:
@@ -33,6 +44,11 @@ class Artefacts:
             with atomic_path(path) as temporary:
                 temporary.write_bytes(data)
         return sha256
+
+    def files(self) -> list[Path]:
+        """All of them, oldest first."""
+        kept = [path for path in self._folder.glob("*.*") if len(path.stem) == 64]
+        return sorted(kept, key=lambda path: (path.stat().st_mtime_ns, path.name))
 
     def read(self, sha256: str, kind: Kind) -> bytes:
         """The bytes with a hash. UsageError if this case did not create them."""

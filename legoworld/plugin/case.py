@@ -50,6 +50,8 @@ class Case(OpenLedger):
         self.artefacts = Artefacts(folder / ARTEFACTS)
         self.live, self.evidence, self._limits = live, evidence, limits
         self._strict = require_transaction
+        if live is not None:
+            self.interruption.ends.append(lambda: live.interrupt())
 
     def serve(self) -> None:
         """Begin or continue the case: what it is measured against is on record, and stays.

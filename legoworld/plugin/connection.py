@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -61,6 +62,7 @@ class BlenderConnection:
     def __init__(self, address: Address, *, time_s: float = 180.0) -> None:
         self.address = address
         self._time_s = time_s
+        self._line: socket.socket | None = None
 
     def run(self, code: str) -> str:
         """Run Python in Blender; what it printed. BlenderRefusedError when it raised."""
@@ -91,17 +93,26 @@ class BlenderConnection:
             )
         return answer.result
 
+    def interrupt(self) -> None:
+        """Wait no longer for the running command, from another thread; Blender may finish it."""
+        if line := self._line:
+            with contextlib.suppress(OSError):  # it has just been answered
+                line.shutdown(socket.SHUT_RDWR)
+
     def _answer(self, message: bytes) -> Answer:
         splitter = MessageSplitter()
         try:
             place = (self.address.host, self.address.port)
             with socket.create_connection(place, self._time_s) as line:
+                self._line = line
                 line.sendall(message)
                 while data := line.recv(_BLOCK):
                     for answer in splitter.feed(data):
                         return _read(answer)
         except (OSError, FramingError, RecordError) as error:
             raise self._unreachable(cause(error)) from error
+        finally:
+            self._line = None
         raise self._unreachable("the connection ended without an answer")
 
     def _unreachable(self, found: str) -> BlenderUnreachableError:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -60,15 +61,26 @@ def render_for_review(case: Case) -> tuple[Review, bytes]:
     made: list[bytes] = []
 
     def call() -> Review:
-        with case.live.save_copy() as copy, BlenderProcess(_RENDER_LIMITS) as renderer:
+        step = case.interruption.step
+        step(0, 3, "saving the scene")
+        with case.live.save_copy() as copy, _renderer(case) as renderer:
+            step(1, 3, "reading it")
             scene = read_live(copy.path, case.live.reader)
             case.note(scene)
             size = _review_size(case, scene)
+            step(2, 3, "rendering")
             png = render_copy(copy.path, renderer, size, samples=_SAMPLES, denoise=True)
         made.append(_beside_photo(png, case))
         return Review(render_sha256=case.artefacts.keep(made[0], "png"), findings=None)
 
     return case.record("review", {}, call), made[0]
+
+
+@contextmanager
+def _renderer(case: Case) -> Iterator[BlenderProcess]:
+    """A Blender of the call's own, which ends with it or when its client cancels."""
+    with BlenderProcess(_RENDER_LIMITS) as renderer, case.interruption.ending(renderer.abort):
+        yield renderer
 
 
 def _review_size(case: Case, scene: LiveScene) -> tuple[int, int]:
@@ -130,11 +142,14 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
             )
         into = case.folder / EXPORT
         into.mkdir(exist_ok=True)
-        with BlenderProcess(_RENDER_LIMITS) as renderer:
+        step = case.interruption.step
+        step(0, 4, "saving and reading the scene")
+        with _renderer(case) as renderer:
             with case.live.save_copy() as copy, scratch_folder("legoworld-exporting-") as kept:
                 scene = read_live(copy.path, case.live.reader)
                 case.note(scene)
                 unguarded = case.unguarded_changes(scene.state)
+                step(1, 4, "writing scene.blend and scene.glb")
                 warnings = export_submission(
                     copy.keep(kept),
                     into,
@@ -144,7 +159,9 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
                     held=protections("auto"),
                     blender=renderer,
                 )
+            step(2, 4, "reading the exported scene")
             _refuse_other_geometry(read_live(into / BLEND, case.live.reader), scene)
+            step(3, 4, "rendering 1920 x 1080" if render_wh == RENDER_WH else "rendering")
             png = render_copy(into / BLEND, renderer, render_wh, samples=_SAMPLES, denoise=True)
         with atomic_path(into / RENDER) as temporary:
             temporary.write_bytes(png)

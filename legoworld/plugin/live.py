@@ -123,6 +123,11 @@ class LiveBlender:
                 )
             return scene, kept
 
+    def interrupt(self) -> None:
+        """End what is waited for, from another thread: Blender's answer, or the reader's."""
+        self._blender.interrupt()
+        self.reader.interrupt()
+
     def install(self, code: str) -> None:
         """Run the plugin's own code in the live scene; only `initialize` does this."""
         self._blender.run(code)

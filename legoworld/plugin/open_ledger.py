@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from threading import Lock
 from typing import TypeVar
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import Json
+from legoworld.plugin.interruption import Interruption, cancelled_error
 from legoworld.plugin.ledger import Ledger, LedgerBrokenError
 from legoworld.plugin.state import LiveScene, compute_signature
 from legoworld.records.base import RecordError, Storable, as_json, decode, readable
@@ -29,8 +29,7 @@ class OpenLedger:
 
     def __init__(self, folder: Path, states: Path) -> None:
         self.ledger = Ledger(folder)
-        #: Held by the call that is running.
-        self.calling = Lock()
+        self.interruption = Interruption()
         self._states = states
         states.mkdir(exist_ok=True)
         #: The last state that was read by this process.
@@ -132,11 +131,12 @@ class OpenLedger:
         try:
             made = call()
             answer = as_json(made)
-        except Exception as error:
+        except Exception as given:
+            error = cancelled_error() if self.interruption.asked else given
             told = isinstance(error, LegoWorldError)
             text = str(error) if told else f"{type(error).__name__}: {error}"
             self._append(tool, request, None, text, phase, open_now)
-            raise
+            raise error from given
         number, after = open_now, phase
         if opens:
             number, after = self.transaction + 1, "open"

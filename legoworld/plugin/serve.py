@@ -63,7 +63,7 @@ def serve_plugin(
     regions, depth and camera are missing. without: names of modules to leave out.
     """
     require_server()
-    from legoworld.plugin.server import plugin_server
+    from legoworld.plugin.server import plugin_server, run_on_stdio
 
     modules = modules_without(without)
     known = None
@@ -82,7 +82,7 @@ def serve_plugin(
             require_transaction=require_transaction,
         )
         case.serve()
-        plugin_server(case, known, modules).run("stdio")
+        run_on_stdio(plugin_server(case, known, modules))
 
 
 @contextlib.contextmanager

@@ -1,24 +1,18 @@
-"""The server's tool `look`: the live scene in one small picture, from any side."""
+"""The tool `look`: the live scene in one small picture, from any side."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 from zlib import crc32
 
 import cv2
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, field
 
 from legoworld.errors import UsageError
 from legoworld.plugin.case import STATES, Case
-from legoworld.plugin.server_answers import (
-    JsonObject,
-    answer_text,
-    decode_arguments,
-    one_at_a_time,
-)
 from legoworld.plugin.small_render import render_copy
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.plugin.viewpoints import Viewpoint, find_camera
@@ -32,9 +26,6 @@ from legoworld.scene.pictures import decoded_picture
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.visibility.view import view
 
-if TYPE_CHECKING:
-    from mcp.server import MCPServer
-
 _SAMPLES: Final = 16
 #: So many colours of objects.
 _COLORS: Final = 1000
@@ -43,7 +34,7 @@ _COLORS: Final = 1000
 class Looking(Record, frozen=True, kw_only=True):
     """What to look at. pane_px: of the longer side of each pane; models count 750 px as a token."""
 
-    at: Viewpoint
+    at: Viewpoint = field(default_factory=Viewpoint)
     beside: Literal["nothing", "photo", "before"] = "nothing"
     draw: Literal["render", "geometry"] = "render"
     pane_px: Annotated[int, Meta(ge=16, le=640)] = 256
@@ -55,32 +46,6 @@ class Look(Record, frozen=True, kw_only=True):
     picture_sha256: Sha256
     panes: tuple[str, ...]
     size_wh: tuple[int, int]
-
-
-def add_looking(server: MCPServer[Any], case: Case) -> None:
-    """Offer look."""
-    from mcp.server.mcpserver.utilities.types import Image
-
-    @server.tool(name="look", structured_output=False)
-    @one_at_a_time(case)
-    def look_tool(
-        at: JsonObject | None = None,
-        beside: Literal["nothing", "photo", "before"] = "nothing",
-        draw: Literal["render", "geometry"] = "render",
-        pane_px: int = 256,
-    ) -> list[Any]:
-        """Look at the scene as it is now, from any side; nothing changes.
-
-        at: {} is the active camera; {"camera": name}; {"around": object, "azimuth_deg": 0,
-        "elevation_deg": 30} turns to an object, with what stands before it cut away;
-        {"from_m": [x, y, z], "to_m": [x, y, z]}. beside: "photo" shows photo, scene and difference
-        (active camera only); "before" the scene at begin, now and difference. In differences red is
-        brighter than on the left, blue darker. draw: "geometry" is quicker, needs no light, and has
-        a colour for each object.
-        """
-        asked = {"at": at or {}, "beside": beside, "draw": draw, "pane_px": pane_px}
-        made, png = look(case, decode_arguments(Looking, asked))
-        return [answer_text(case, **as_json(made)), Image(data=png, format="png")]
 
 
 def look(case: Case, wanted: Looking) -> tuple[Look, bytes]:

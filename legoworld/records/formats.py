@@ -104,7 +104,7 @@ FORMATS: Final[Mapping[str, Format]] = {
     "plugin-ledger": Format("a line of LEDGER/ledger.jsonl", "plugin_ledger:Entry"),
     "plugin-outlines": Format("OUTLINES.json", "plugin_evidence:Outlines"),
     "plugin-plan": Format("LEDGER/initial/plan.json", "plugin_evidence:ConstructionPlan"),
-    "plugin-report": Format("answer of the plugin's `measure`", "plugin_requirements:Report"),
+    "plugin-report": Format("resource legoworld://reports/SHA256", "plugin_requirements:Report"),
     "plugin-room": Format("LEDGER/initial/room.json", "plugin_evidence:Room"),
     "plugin-state": Format("state of the scene, in the ledger's folder", "plugin_state:SceneState"),
     "plugin-transaction": Format("request of the plugin's `begin`", "plugin_ledger:Declaration"),

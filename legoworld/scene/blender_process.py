@@ -51,7 +51,7 @@ class BlenderProcess:
         self._home: ScratchFolder | None = None
         self._workspaces: dict[tuple[str, Path | None], ScratchFolder] = {}
         self._served = 0
-        self._aborted = False
+        self._aborted = self._interrupted = False
         #: Held to start and to abort: an abort comes before a process is made, or finds it.
         self._owning = threading.Lock()
 
@@ -74,12 +74,13 @@ class BlenderProcess:
         """
         if self._aborted:
             raise self._crash_error()
+        self._interrupted = False
         self._recycle()
         used = self._served > 0
         try:
             return self._ask(message)
         except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError):
-            if self._aborted:
+            if self._aborted or self._interrupted:
                 raise
             self._drop()
             if not used:
@@ -95,6 +96,13 @@ class BlenderProcess:
         """End the process from another thread: its request fails, and so does every later one."""
         with self._owning:
             self._aborted = True
+            if self._process is not None:
+                self._process.kill()
+
+    def interrupt(self) -> None:
+        """End the running request from another thread: it fails, and the next one starts anew."""
+        with self._owning:
+            self._interrupted = True
             if self._process is not None:
                 self._process.kill()
 

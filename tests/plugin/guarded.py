@@ -65,13 +65,16 @@ def check_scene(
                 return json.loads(text)
 
             required = _requirements(target)
-            said = (await ask("measure", requirements=required))["report"]
+            shown = (await ask("measure", requirements=required))["report"]
+            said = case.ledger.entries[-1].answer
             wanted = to_record(tuple[Requirement, ...], required)
             expected = as_json(measure(offline, wanted, evidence))
             for ours, theirs in zip(said["results"], expected["results"], strict=True):
                 assert canonical(ours) == canonical(theirs), f"{ours} {theirs}"
             assert canonical(said) == canonical(expected)
             assert {"pass"} <= {result["verdict"] for result in said["results"]}
+            for brief, result in zip(shown["results"], said["results"], strict=True):
+                assert brief["verdict"] == result["verdict"]
             declared: dict[str, Any] = {
                 "editable": [target],
                 "kinds": ["transform"],

@@ -24,6 +24,7 @@ from legoworld.plugin.open_ledger import TransactionError
 from legoworld.plugin.remaining_work import list_unfinished
 from legoworld.plugin.server import plugin_server
 from legoworld.records import plugin_requirements as kinds
+from legoworld.records.base import readable
 from legoworld.records.plugin_ledger import Declaration
 
 pytestmark = pytest.mark.blender
@@ -95,7 +96,8 @@ def test_reports_and_renders_are_resources_by_hash(case):
             return looked.content[1], kept.contents[0], shown.contents[0], noted
 
     picture, kept, shown, noted = anyio.run(talk)
-    assert json.loads(kept.text) == report["report"]
+    assert json.loads(kept.text)["scene_signature"] == report["scene_signature"]
+    assert kept.text == readable(case.ledger.entries[0].answer)
     assert picture.type == "image"
     assert shown.blob == picture.data
     assert json.loads(noted.content[0].text)["findings"] == []

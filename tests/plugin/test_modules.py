@@ -15,8 +15,8 @@ from legoworld.plugin.server import plugin_server
 from legoworld.records.plugin_ledger import TransactionLimits
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
-#: A tool of no module: where the case stands is always told.
-ALWAYS = {"status"}
+#: Tools of no module: where the case stands, and the rest of a long answer.
+ALWAYS = {"status", "more"}
 
 
 def offered(folder, modules, *call):

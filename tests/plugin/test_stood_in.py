@@ -30,14 +30,17 @@ from legoworld.plugin.connection import (
 from legoworld.plugin.evidence import EvidenceInvalidError
 from legoworld.plugin.evidence_camera import camera_evidence, camera_problem, read_camera
 from legoworld.plugin.final_steps import _review_size
+from legoworld.plugin.interruption import Interruption
 from legoworld.plugin.ledger import LedgerBrokenError
 from legoworld.plugin.live import LiveBlender, NotRestoredError
 from legoworld.plugin.live_copy import COPY
 from legoworld.plugin.open_ledger import OpenLedger, TransactionError
 from legoworld.plugin.server import plugin_server
-from legoworld.plugin.server_answers import answer, answer_text, decode_arguments
 from legoworld.plugin.state import compute_signature
+from legoworld.plugin.tool_answers import state_of
+from legoworld.plugin.tool_schemas import decode_arguments
 from legoworld.records.base import canonical
+from legoworld.records.plugin_calls import InitializeArguments
 from legoworld.records.plugin_evidence import ProviderCamera
 from legoworld.records.plugin_state import SceneState
 
@@ -300,15 +303,11 @@ def test_an_answer_has_the_last_state_and_line():
         ledger = SimpleNamespace(entries=entries)
         return SimpleNamespace(ledger=ledger, live=SimpleNamespace(recovered=recovered))
 
-    assert answer(case([]), a=1) == {"a": 1, "scene_signature": None, "ledger_seq": 0}
+    assert state_of(case([])) == {"scene_signature": None, "ledger_seq": 0}
     entries = [SimpleNamespace(seq=4, scene_signature="s"), SimpleNamespace(seq=5,
                scene_signature="t")]  # fmt: skip
-    assert answer(case(entries)) == {"scene_signature": "t", "ledger_seq": 5}
-    found = answer(case([], "/mine.blend"))
-    assert "/mine.blend is your file again" in found["notice"]
-    assert json.loads(answer_text(case(entries), b=2)) == {
-        "b": 2, "scene_signature": "t", "ledger_seq": 5,
-    }  # fmt: skip
+    assert state_of(case(entries)) == {"scene_signature": "t", "ledger_seq": 5}
+    assert "/mine.blend is your file again" in state_of(case([], "/mine.blend"))["notice"]
 
 
 @pytest.mark.parametrize(
@@ -330,8 +329,8 @@ def test_a_client_is_told_that_its_transaction_was_resumed(tools, phase, resumed
         for n, tool in enumerate(tools, 1)
     ]
     case = SimpleNamespace(
-        ledger=SimpleNamespace(entries=entries), calling=threading.Lock(), live=None, phase=phase,
-        transaction=7,
+        ledger=SimpleNamespace(entries=entries), interruption=Interruption(), live=None,
+        phase=phase, transaction=7,
     )  # fmt: skip
     ((failed, said),) = called(plugin_server(case, None), ("status", {}))
     assert not failed, said
@@ -369,16 +368,18 @@ def test_a_small_picture_is_spread_by_its_nearest_pixels():
 @pytest.mark.parametrize(
     ("given", "place"),
     [
-        (math.nan, r"nan at \$"),
-        ({"a": [1, {"b": math.inf}]}, r"inf at \$\['a'\]\[1\]\['b'\]"),
-        ([0.5, -math.inf, math.nan], r"-inf at \$\[1\]"),
-        ({"a": 5}, "expected str, got int"),
+        ({"camera_height_m": math.nan}, r"nan at \$.camera_height_m"),
+        ({"structures": {"a": [1, {"b": math.inf}]}}, r"inf at \$.structures.a\[1\].b"),
+        ({"structures": {"a": "flor"}}, "one of ceiling, .*nearest: floor"),
+        ({"camera_height_m": 0}, "number from 0.01 to 1000 .metres"),
+        ({"camera_hight_m": 1}, "no argument 'camera_hight_m'.*nearest: camera_height_m"),
     ],
 )
 def test_arguments_are_numbers_and_of_their_kind(given, place):
     with pytest.raises(UsageError, match=f"arguments cannot be used.*{place}"):
-        decode_arguments(dict[str, str], given)
-    assert decode_arguments(dict[str, str], {"a": "b"}) == {"a": "b"}
+        decode_arguments(InitializeArguments, given)
+    none = {"structures": None, "camera_height_m": 2}
+    assert decode_arguments(InitializeArguments, none).camera_height_m == 2
 
 
 PHOTO = SimpleNamespace(sha256="a" * 64, width=640, height=480)
@@ -472,16 +473,15 @@ def test_what_a_server_knows_of_its_photo(evidence, photo, without, known, tmp_p
     monkeypatch.setattr(Case, "serve", lambda case: served.append(case))
     monkeypatch.setattr(
         "legoworld.plugin.server.plugin_server",
-        lambda case, known, modules: (
-            served.extend([case, known, modules]) or SimpleNamespace(run=served.append)
-        ),
+        lambda *known: served.extend(known) or "the server",
     )
+    monkeypatch.setattr("legoworld.plugin.server.run_on_stdio", served.append)
     serve_module.serve_plugin(
         address="h:9", photo=photo, evidence=evidence, ledger=tmp_path / "case", without=without,
         require_transaction=True,
     )  # fmt: skip
     case, again, given, modules, how = served
     assert case is again
-    assert (given, how) == (known, "stdio")
+    assert (given, how) == (known, "the server")
     assert case.live == ("to h:9", "reader", tmp_path / "case" / "states")
     assert ("evidence" in modules) is not bool(without)

@@ -1,0 +1,234 @@
+"""The plugin's tools, as a table: what each is told, does and answers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import msgspec
+
+from legoworld.errors import UsageError
+from legoworld.plugin.case import Case
+from legoworld.plugin.evidence import Evidence
+from legoworld.plugin.final_steps import export, note_review, render_for_review, validate
+from legoworld.plugin.initial_room import install_room
+from legoworld.plugin.initialisation import recover
+from legoworld.plugin.plan import construction_plan
+from legoworld.plugin.result_pictures import result_pictures
+from legoworld.plugin.room import assign_structures
+from legoworld.plugin.server_looks import Looking, look
+from legoworld.plugin.tool_answers import page_of, report_of, state_of
+from legoworld.readouts.pictures import png_bytes
+from legoworld.records import plugin_calls as calls
+from legoworld.records.base import as_json, to_record
+from legoworld.records.plugin_install import Module
+from legoworld.records.plugin_ledger import Declaration
+from legoworld.records.plugin_requirements import Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class Served:
+    """What a server serves: a case, the photo's evidence, the modules that are on."""
+
+    case: Case
+    evidence: Evidence | None
+    modules: Sequence[Module]
+
+    def require_evidence(self) -> Evidence:
+        """The evidence. UsageError without any."""
+        if self.evidence is None:
+            raise UsageError(
+                "there is no evidence of the photo",
+                found="a server without --evidence",
+                expected="regions and the camera of the photo",
+                next_step="run `legoworld plugin evidence`, then serve with --evidence",
+            )
+        return self.evidence
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A row of the table. says: for the model; arguments, answer: types of records.
+
+    answer: None for content beside which a client would leave out the picture. hints: words of
+    `reads` (it changes nothing but the ledger), `undoes` (it takes edits back), `again` (a second
+    call changes nothing more), `to its end` (cancelled, it runs on unheard).
+    """
+
+    name: str
+    title: str
+    says: str
+    arguments: type[msgspec.Struct]
+    answer: type[msgspec.Struct] | None
+    call: Callable[[Served, Any], msgspec.Struct | tuple[msgspec.Struct, bytes]]
+    hints: tuple[str, ...] = ()
+
+
+def _reference_evidence(served: Served, _: calls.NoArguments) -> calls.EvidenceAnswer:
+    known = served.evidence
+    shown = None if known is None else to_record(calls.ShownEvidence, as_json(known.file))
+    return calls.EvidenceAnswer(evidence=shown, **state_of(served.case))
+
+
+def _measure(served: Served, asked: calls.MeasureArguments) -> calls.ReportAnswer:
+    return _report_answer(served, served.case.measure(asked.requirements), asked.pictures)
+
+
+def _validate(served: Served, asked: calls.ValidateArguments) -> calls.ReportAnswer:
+    return _report_answer(served, validate(served.case, asked.requirements), asked.pictures)
+
+
+def _report_answer(served: Served, report: Report, pictures: bool) -> calls.ReportAnswer:
+    case = served.case
+    drawn = None
+    if pictures:
+        assert case.scene is not None  # the report is of it
+        drawn = tuple(
+            None if p is None else case.artefacts.keep(png_bytes(p), "png")
+            for p in result_pictures(case.scene, case.evidence, report)
+        )
+    return calls.ReportAnswer(pictures=drawn, **report_of(case, report), **state_of(case))
+
+
+def _begin(served: Served, declaration: Declaration) -> calls.BeginAnswer:
+    if declaration.requirements and "measurement" not in served.modules:
+        raise UsageError(
+            "requirements cannot be measured in this run",
+            found=f"{len(declaration.requirements)} requirements; the module `measurement` is off",
+            expected="a declaration without requirements",
+        )
+    begun = served.case.begin(declaration)
+    assert begun.transaction is not None
+    said = {"transaction": begun.transaction, "unguarded": begun.answer["unguarded"]}
+    return to_record(calls.BeginAnswer, {**said, **state_of(served.case)})
+
+
+def _status(served: Served, _: calls.NoArguments) -> calls.StatusAnswer:
+    case = served.case
+    entries = case.ledger.entries
+    since = max((e.seq for e in entries if e.tool == "begin" and not e.error), default=0)
+    resumed = case.phase == "open" and any(e.tool == "resume" for e in entries[since:])
+    return calls.StatusAnswer(
+        phase=case.phase, transaction=case.transaction, resumed=resumed, **state_of(case)
+    )
+
+
+def _diff(served: Served, _: calls.NoArguments) -> calls.DiffAnswer:
+    return calls.DiffAnswer(changes=served.case.diff(), **state_of(served.case))
+
+
+def _commit(served: Served, asked: calls.TransactionArguments) -> calls.CommitAnswer:
+    judgement, report = served.case.commit(asked.transaction)
+    return calls.CommitAnswer(
+        judgement=judgement,
+        **report_of(served.case, report),
+        **state_of(served.case),
+    )
+
+
+def _rollback(served: Served, asked: calls.TransactionArguments) -> calls.RollbackAnswer:
+    restored = served.case.rollback(asked.transaction).scene_signature
+    return calls.RollbackAnswer(restored=restored, **state_of(served.case))
+
+
+def _history(served: Served, asked: calls.HistoryArguments) -> calls.HistoryAnswer:
+    shown = tuple(
+        calls.ShownEntry(
+            seq=e.seq, tool=e.tool, error=e.error, phase=e.phase, transaction=e.transaction,
+            scene_signature=e.scene_signature,
+        )
+        for e in served.case.ledger.entries[-asked.last :]
+    )  # fmt: skip
+    return calls.HistoryAnswer(entries=shown, **state_of(served.case))
+
+
+def _initialize(served: Served, asked: calls.InitializeArguments) -> calls.InitializeAnswer:
+    made = recover(served.require_evidence(), asked.structures, asked.camera_height_m)
+    kept = install_room(served.case, made)
+    return calls.InitializeAnswer(
+        room=made.room, plan=made.plan, kept=kept, **state_of(served.case)
+    )
+
+
+def _plan(served: Served, asked: calls.PlanArguments) -> calls.PlanAnswer:
+    known = served.require_evidence()
+    made = construction_plan(known, assign_structures(known, asked.structures))
+    return calls.PlanAnswer(plan=made, **state_of(served.case))
+
+
+def _review(
+    served: Served, asked: calls.ReviewArguments
+) -> calls.ReviewAnswer | tuple[calls.ReviewAnswer, bytes]:
+    if asked.render_sha256 is not None:
+        noted = note_review(served.case, asked.render_sha256, asked.findings or ())
+        return calls.ReviewAnswer(**as_json(noted), **state_of(served.case))
+    made, png = render_for_review(served.case)
+    return calls.ReviewAnswer(**as_json(made), **state_of(served.case)), png
+
+
+def _look(served: Served, asked: Looking) -> tuple[calls.LookAnswer, bytes]:
+    made, png = look(served.case, asked)
+    return to_record(calls.LookAnswer, {**as_json(made), **state_of(served.case)}), png
+
+
+def _export(served: Served, _: calls.NoArguments) -> calls.ExportAnswer:
+    made = export(served.case)
+    return calls.ExportAnswer(files=made.files, warnings=made.warnings, **state_of(served.case))
+
+
+def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
+    sha256, _, start = asked.cursor.partition(".")
+    if not (start.isdecimal() and start.isascii()):
+        raise UsageError(
+            "there is no such page", found=repr(asked.cursor), expected="next_cursor of an answer"
+        )
+    kept = json.loads(served.case.artefacts.read(sha256, "json"))
+    if not {"place", "items"} <= kept.keys():
+        raise UsageError(
+            "there is no such page", found="a report", expected="next_cursor of an answer"
+        )
+    page = page_of(kept, sha256, int(start))
+    return calls.MoreAnswer(**page, **state_of(served.case))
+
+
+_READS: Final = ("reads", "again")
+#: In the order of a case.
+TOOLS: Final = (
+    Tool("reference_evidence", "What the photo says", "Regions of the photo, its depth and camera.",
+         calls.NoArguments, calls.EvidenceAnswer, _reference_evidence, _READS),
+    Tool("initialize", "Install room and camera", "Recover room and camera from the photo; install "
+         "both as one transaction. structures: by region, what it shows.",
+         calls.InitializeArguments, calls.InitializeAnswer, _initialize, ("to its end",)),
+    Tool("plan", "Construction plan", "Place, extent, relative depth of each object in the photo.",
+         calls.PlanArguments, calls.PlanAnswer, _plan, _READS),
+    Tool("measure", "Measure requirements", "Pass, fail or unknown of each requirement on the "
+         "scene as it is, with residual and correction. entity: an object with its children, or a "
+         "collection. legoworld://requirements explains the kinds.",
+         calls.MeasureArguments, calls.ReportAnswer, _measure, _READS),
+    Tool("begin", "Begin an edit", "Before an edit: what may change and how, what may not, what "
+         "has to hold after.", Declaration, calls.BeginAnswer, _begin),
+    Tool("status", "Where the case stands", "Whether a transaction is open, and its number.",
+         calls.NoArguments, calls.StatusAnswer, _status, _READS),
+    Tool("diff", "Changes so far", "Every change since the transaction began.",
+         calls.NoArguments, calls.DiffAnswer, _diff, _READS),
+    Tool("commit", "Judge the edit", "Accept the edit if it was declared and nothing got worse; "
+         "else it stays open.", calls.TransactionArguments, calls.CommitAnswer, _commit),
+    Tool("rollback", "Take the edit back", "Return to the scene of before the transaction.",
+         calls.TransactionArguments, calls.RollbackAnswer, _rollback, ("undoes", "to its end")),
+    Tool("validate", "Measure all that was required", "Measure all that committed transactions "
+         "required, and more.", calls.ValidateArguments, calls.ReportAnswer, _validate, _READS),
+    Tool("look", "Look from any side", "A picture of the scene as it is now. beside: the photo, or "
+         "the scene at begin, and the difference (red is brighter, blue darker). draw: geometry "
+         "needs no light.", Looking, None, _look, _READS),
+    Tool("review", "Look at the scene", "Without arguments a render beside the photo; then call it "
+         "with its render_sha256 and your findings, [] for none.",
+         calls.ReviewArguments, None, _review),
+    Tool("export", "Write the result", "Write scene.blend, scene.glb and renders into the case's "
+         "folder.", calls.NoArguments, calls.ExportAnswer, _export, ("again",)),
+    Tool("history", "What was called", "The last calls.",
+         calls.HistoryArguments, calls.HistoryAnswer, _history, _READS),
+    Tool("more", "The next page", "The rest of an answer with next_cursor.",
+         calls.MoreArguments, calls.MoreAnswer, _more, _READS),
+)  # fmt: skip
