@@ -46,8 +46,8 @@ def list_agents(out: Output) -> int:
 def check(name: str, out: Output) -> int:
     """Say what the agent NAME lacks on this machine. Exit code 1 when it cannot run.
 
-    Nothing is started but the agent's own --version, in the sandbox that its trials have; whether a
-    login is still valid is not asked.
+    In the sandbox that its trials have, the agent's own --version is started, and mcp-for-blender
+    is asked for its tools (initialize, tools/list). Whether a login is still valid is not asked.
 
     \b
     Examples:
@@ -56,20 +56,30 @@ def check(name: str, out: Output) -> int:
     """
     from legoworld.agents.agent_cards import agent_problems, load_agent
     from legoworld.agents.exposed_paths import AgentNotStartedError, version_in_sandbox
+    from legoworld.agents.handshake import offered_tools
+    from legoworld.agents.mcp_server import server_problems
     from legoworld.workers.protections import protections
 
     card = load_agent(name)
-    problems, version = agent_problems(card), None
+    problems, version, tools = agent_problems(card), None, list[str]()
     held = protections("auto", network=card.about.network)
     try:
         version = version_in_sandbox(card, held)
+        tools = [] if server_problems() else offered_tools(card, held)
     except AgentNotStartedError as error:
         problems.append(str(error))
     out.show(
-        {"name": card.name, "problems": problems, "version": version, "sandbox": held.record()},
+        {
+            "name": card.name,
+            "problems": problems,
+            "version": version,
+            "tools": tools,
+            "sandbox": held.record(),
+        },
         [
             f"{card.name}: {card.about.title}; {version or 'version not known'}",
             f"kept from it: {', '.join(held.holds)}",
+            *([f"Blender's tools: {', '.join(tools)}"] if tools else []),
             *([] if card.about.run else [f"warning: checked {card.about.checked}"]),
             *(f"lacks: {problem}" for problem in problems),
             *([] if problems else ["ready"]),

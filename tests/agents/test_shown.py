@@ -9,6 +9,7 @@ import pytest
 from workers.confinements import bubblewrap_or_skip
 
 from legoworld import cli
+from legoworld.agents import handshake
 from legoworld.agents.agent_cards import AgentCard, read_agent_card
 from legoworld.agents.exposed_paths import (
     AgentNotStartedError,
@@ -16,9 +17,11 @@ from legoworld.agents.exposed_paths import (
     refuse_exposed,
     version_in_sandbox,
 )
+from legoworld.agents.mcp_server import McpServer
 from legoworld.errors import UsageError
 from legoworld.workers.protections import protections
 
+SERVER = McpServer(name="blender", command="none", arguments=(), variables={})
 CARD = """
 name = "own"
 title = "Mine"
@@ -158,3 +161,20 @@ def test_a_card_that_shows_what_is_not_there_says_so(tmp_path):
     own = card(tmp_path, script(tmp_path / "my-agent", "true"), "lib")
     with pytest.raises(UsageError, match="not there"):
         exposed_paths(own)
+
+
+def test_a_server_that_does_not_answer_in_the_sandbox_is_said_in_one_line(
+    tmp_path, held, monkeypatch
+):
+    python = script(tmp_path / "python", "echo no module named mcp; exit 3")
+    monkeypatch.setattr(handshake, "server_python", lambda: python)
+    monkeypatch.setattr(handshake, "blender_server", lambda *_: SERVER)
+    own = card(tmp_path, script(tmp_path / "my-agent", "true"), "python")
+    with pytest.raises(AgentNotStartedError) as raised:
+        handshake.offered_tools(own, held)
+    said = str(raised.value)
+    assert "exit code 3; no module named mcp" in said
+    assert "\n" not in said
+    script(tmp_path / "python", "true")
+    with pytest.raises(AgentNotStartedError, match="exit code 0"):
+        handshake.offered_tools(own, held)

@@ -53,6 +53,8 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr("legoworld.agents.agent_cards.agent_problems", lambda _: [*problems])
         monkeypatch.setattr("legoworld.agents.exposed_paths.version_in_sandbox", version_in_sandbox)
         monkeypatch.setattr("legoworld.workers.protections.protections", protect)
+        monkeypatch.setattr("legoworld.agents.mcp_server.server_problems", list)
+        monkeypatch.setattr("legoworld.agents.handshake.offered_tools", lambda *_: ["look", "do"])
         return asked
 
     return go
@@ -82,10 +84,12 @@ def test_an_agent_that_lacks_nothing_is_ready(run: Any, checked: Any) -> None:
     checked([], "9.1")
     code, said, _ = run("agent", "check", "program")
     assert code == 0
-    first, _, last = said.splitlines()
+    first, _, tools, last = said.splitlines()
+    assert tools == "Blender's tools: look, do"
     assert first == f"program: {load_agent('program').about.title}; 9.1"
     assert last == "ready", "it was run here: there is no warning"
-    assert json.loads(run("agent", "check", "program", "--json")[1])["version"] == "9.1"
+    document = json.loads(run("agent", "check", "program", "--json")[1])
+    assert (document["version"], document["tools"]) == ("9.1", ["look", "do"])
 
 
 def test_agents_are_listed_with_what_they_were_checked_against(run: Any) -> None:

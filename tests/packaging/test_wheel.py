@@ -69,7 +69,7 @@ def test_the_wheel_is_for_one_platform_and_any_python_3(wheel):
 
 #: Files of the catalogue that stay in the checkout: programs that need data of others, and records.
 NOT_SHIPPED = re.compile(
-    r"legoworld/_catalog/(examples/(adapters|coco-val2017|environments|every-question)/.*"
+    r"legoworld/_catalog/(examples/(adapters|coco-val2017|environments|every-question|own-agent)/.*"
     r"|examples/bench/(README\.md|cheats/.*)"
     r"|.*/execution\.json|.*\.gitkeep)"
 )

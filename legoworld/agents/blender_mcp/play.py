@@ -72,6 +72,7 @@ class Transcript:
         self._agent["tool_definitions"] = [
             {"type": "function", "function": {"name": name}} for name in tools
         ]
+        self._write()
 
     def add_call(self, call: Step, said: str, *, failed: bool, images: int) -> None:
         """Record one call and its reply."""
@@ -93,6 +94,9 @@ class Transcript:
     def _add(self, step: dict[str, Any]) -> None:
         now = datetime.now(timezone.utc).isoformat()  # noqa: UP017  as old Pythons have it
         self._steps.append({"step_id": len(self._steps) + 1, "timestamp": now, **step})
+        self._write()
+
+    def _write(self) -> None:
         document = {
             "schema_version": "ATIF-v1.6",
             "session_id": "program",
