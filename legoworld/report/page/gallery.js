@@ -1,5 +1,6 @@
 /* Photos as cards, worst first: only those near the window exist, so 5,000 scroll like 50. */
 
+import { depthErrorUrl } from "./depth.js";
 import { el, fixed, svg } from "./elements.js";
 import { areaOf, drawnItems, inDrawingOrder } from "./outcomes.js";
 import { here, moveTo } from "./place.js";
@@ -154,6 +155,9 @@ function drawLater(picture, draw) {
   requestAnimationFrame(drawSome);
 }
 
+/* All of them at once: paper has no next frame. */
+export function drawAll() { THUMBS.forEach((draw, picture) => { THUMBS.delete(picture); draw(); }); }
+
 function drawSome() {
   Array.from(THUMBS.entries()).reverse().filter(([picture]) => picture.isConnected).slice(0, A_FRAME)
     .forEach(([picture, draw]) => { THUMBS.delete(picture); draw(); });
@@ -192,13 +196,16 @@ function thumbnail(section, view) {
   const url = pictureUrl("photo", view.photo);
   const at = section.bench ? view.sides[0].hit_picture : view.maps ? view.maps.answers[0] : null;
   const over = pictureUrl("overlay", at);
+  const error = depthErrorUrl(view.depth);
   const ground = url ? svg("image", { href: url, width: w, height: h, preserveAspectRatio: "none", class: over ? "faded" : null })
     : svg("rect", { class: "no-photo", width: w, height: h });
   const items = view.truths ? drawnItems(view, section.names).filter((i) => i.side === 0) : [];
   const shapes = inDrawingOrder(items).filter((i) => i.layer !== "other" && areaOf(i) > 0).map((item) =>
     svg("path", { class: "thumb-line s-" + item.layer, d: shapePath(item.shape, view.size_wh) }));
   return svg("svg", { viewBox: "0 0 " + w + " " + h, "aria-hidden": "true" }, [ground,
-    over ? svg("image", { href: over, width: w, height: h, preserveAspectRatio: "none" }) : null, ...shapes]);
+    over ? svg("image", { href: over, width: w, height: h, preserveAspectRatio: "none" }) : null,
+    error ? svg("svg", { x: url ? w / 2 : 0, width: w, height: h, viewBox: [url ? w / 2 : 0, 0, w, h].join(" ") }, [
+      svg("image", { href: error, width: w, height: h, preserveAspectRatio: "none", class: "pixels" })]) : null, ...shapes]);
 }
 
 /* The gallery of a section: cards placed by hand in a box as high as all of them. */

@@ -5,14 +5,16 @@ import { counted, el, fixed, svg } from "./elements.js";
 import { card } from "./gallery.js";
 import { tierFigures } from "./tiers.js";
 import { sectionElement } from "./views.js";
+import { worst } from "./worst.js";
 
 const SHEET = 12;
-const LINE = 27;
+const LINE = 21;
 const NAMES = 148;
 const DRAWN = new Set();
 
-/** @param {PageSection} section */
-export function overview(section) {
+/** @param {PageSection} section
+ * @param {boolean} [printed] at once, without what takes time */
+export function overview(section, printed = false) {
   if (DRAWN.has(section.key)) { return; }
   DRAWN.add(section.key);
   const root = sectionElement(section.key);
@@ -20,6 +22,8 @@ export function overview(section) {
   if (section.bench) { root.querySelector("[data-tiers]").append(...tierFigures(section)); }
   if (section.first.forest.length) { forest.append(forestFigure(section)); }
   root.querySelector("[data-coverage]").append(...section.first.coverage.map((bar) => coverageBar(bar, Boolean(section.bench))));
+  const large = root.querySelector("[data-worst]");
+  if (large) { worst(section, large, printed); }
   const sheet = root.querySelector("[data-sheet]");
   if (sheet) { sheet.append(...section.images.slice(0, SHEET).map((row) => card(section, row, {}))); }
 }
