@@ -49,6 +49,7 @@ interface PageData {
   kinds: string[];
   beside: { folder: string; pictures: boolean; scenes: boolean };
   version: string;
+  trajectories: string;
 }
 
 /** What selectors find is known by the page's own templates, not by its type. */

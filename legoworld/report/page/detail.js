@@ -128,6 +128,8 @@ function topBar(view) {
     button("\u2190 " + (photos ? "all photos" : "overview"), () => moveTo({ image: "" }), { "data-keep": "up" }),
     el("h2", { tabindex: -1, "data-keep": "title" }, [view.file_name]),
     el("span", { class: "count" }, [(view.objects ? "case " : "image ") + view.id + ", " + where]),
+    DATA.trajectories ? el("a", { href: DATA.trajectories + "#" + encodeURIComponent(DATA.views.find((v) =>
+      v[0] === view.section && v[1] === view.id)[2]) }, ["how it was made"]) : null,
     button("\u2039 previous", () => step(-1), { "data-keep": "previous" }),
     button("next \u203a", () => step(1), { "data-keep": "next" })]);
 }
