@@ -4,7 +4,7 @@ import { benchChecks, benchObjects } from "./bench.js";
 import { button, el, markScrollers } from "./elements.js";
 import { findingsOf, objectsOf, recordOf, scoreLine } from "./findings.js";
 import { frameKey } from "./frames.js";
-import { neighbours, step } from "./gallery.js";
+import { atConfidence, neighbours, step } from "./gallery.js";
 import { linkItems } from "./links.js";
 import { describe } from "./outcomes.js";
 import { here, moveTo, noteInAddress } from "./place.js";
@@ -89,7 +89,7 @@ function detailOf(section, view, place, beside = false) {
   });
   const stage = stageOf(section, view, items, links, place, beside ? () => {} : noteInAddress);
   root.addEventListener("click", (event) => pickFrom(event, items, links, stage));
-  const scores = row ? row.cells.map((c, k) => scoreLine(c, row.n_truth, many ? view.sides[k].label : "")) : [];
+  const scores = row ? row.cells.map((c, k) => scoreLine(atConfidence(section, row, k, c), row.n_truth, many ? view.sides[k].label : "")) : [];
   const findings = view.sides.flatMap((s, k) => findingsOf(s, k, items, many, section.sides[k]));
   if (!section.bench && section.sides.every((s) => s.scene)) {
     findings.push(el("p", { class: "sub" }, ["no specialist was run"]));

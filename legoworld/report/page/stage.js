@@ -1,6 +1,7 @@
 /* The panes of a photo, and the switches that choose among them. */
 
 import { benchItems, benchLegends, benchPanes } from "./bench.js";
+import { confidenceOf, confidenceSlider, leastOf } from "./cohorts.js";
 import { depthPanes } from "./depth.js";
 import { button, el } from "./elements.js";
 import { linkedFrames } from "./frames.js";
@@ -16,7 +17,7 @@ const OUTLINED = ["truth", "tp", "fp", "fn", "other"];
 
 /* Everything of a photo that can be pointed at. */
 export function shownItems(section, view) {
-  return section.bench ? benchItems(view, section.names) : view.truths ? drawnItems(view, section.names) : [];
+  return section.bench ? benchItems(view, section.names) : view.truths ? drawnItems(view, section.names, leastOf(section)) : [];
 }
 
 /**
@@ -84,6 +85,7 @@ export function stageOf(section, view, items, links, place, note) {
     button("+", () => frames.larger(), { "aria-label": "larger" }), button("fit", () => frames.fit())]);
   const bar = el("div", { class: "stage-bar" }, [el("div", { class: "switch-rows", role: "group", "aria-label": "panes" },
     switchRows(choices, switches)), zoom]);
+  if (confidenceOf(section) || place.conf) { layers.push(confidenceSlider(section)); }
   const whys = choices.filter((c) => c.why).map((c) => el("li", {}, [c.title + ": " + c.why]));
   const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, legends,
     whys.length ? el("details", { class: "whys" }, [

@@ -3,6 +3,7 @@
 
 import { el } from "./elements.js";
 import { scoreLine } from "./findings.js";
+import { atConfidence } from "./gallery.js";
 import { linkItems } from "./links.js";
 import { panesOf, shownItems } from "./stage.js";
 import { withView } from "./views.js";
@@ -26,11 +27,13 @@ function worstFirst(section) {
 }
 
 /** @param {PageSection} section
- * @param {boolean} printed without the scene in 3D, which is drawn later */
+ * @param {boolean} printed without the scene in 3D, which is drawn later
+ * @returns {() => void} what ends the scenes in 3D */
 export function worst(section, host, printed) {
   const rows = worstFirst(section);
   const grid = el("div", { class: "panes" });
   const many = section.sides.length > 1;
+  const opened = [];
   const add = (at, room) => withView(rows[at].view, (view) => {
     const [row, address] = [rows[at], "#/" + section.key + "/" + view.id];
     const [part, items] = [el("div", { class: "part" }), shownItems(section, view)];
@@ -42,16 +45,18 @@ export function worst(section, host, printed) {
       host.prepend(el("p", { class: "worst-head" }, [el("b", {}, ["Worst " + (section.bench ? "case" : "photo") +
         (rows.length < section.images.length ? " with an answer: " : ": "),
         el("a", { href: address }, [row.file_name])]), ...row.cells.map((cell, k) =>
-        scoreLine(cell, row.n_truth, many ? section.sides[k].label : "")),
+        scoreLine(atConfidence(section, row, k, cell), row.n_truth, many ? section.sides[k].label : "")),
       row.cells[0].advice ? el("span", { class: "sub" }, [row.cells[0].advice]) : null]));
     }
     part.append(...shown.map((choice) => el("figure", { class: "pane" }, [
       el("figcaption", {}, [at ? el("a", { href: address }, [row.file_name]) : choice.title]), choice.make()])));
     grid.append(part);
+    opened.push(...shown.filter((choice) => choice.close));
     grid.dataset.n = String(Math.max(shown.length, ROOM));
     frames.resized();
     if (shown.length < room && at + 1 < rows.length) { add(at + 1, room - shown.length); }
   }, () => {});
   host.append(grid);
   add(0, ROOM);
+  return () => opened.forEach((choice) => choice.close());
 }
