@@ -48,7 +48,10 @@ def photo_gains(side: StoredEvaluation) -> dict[int, float]:
     scored = np.flatnonzero(table.truths_per_category[0])
     for k in scored.tolist():
         rows, n = table.category_slices[k], int(table.truths_per_category[0, k])
-        state, image = states[rows], table.image[rows]
+        true = np.flatnonzero(states[rows] == TRUE_POSITIVE)
+        # What is less sure than the last true positive changes no precision that is read.
+        counted = slice(rows.start, rows.start + (int(true[-1]) + 1 if len(true) else 0))
+        state, image = states[counted], table.image[counted]
         cells = np.flatnonzero(table.truth_category == k)
         owned = dict(
             zip(table.truth_image[cells].tolist(), table.n_truths[0, cells].tolist(), strict=True)
@@ -69,9 +72,12 @@ def _ap(state: NDArray[np.uint8], n_truths: int) -> float:
 
 def _matched(side: StoredEvaluation) -> MatchedSide:
     table = table_from(side.matches)
-    states = table.state.reshape(-1, table.state.shape[2]).T
+    n_areas, n_thresholds, n = table.state.shape
+    states = table.state.transpose(2, 0, 1).reshape(n, n_areas * n_thresholds)
     padded = np.pad(states, ((0, 0), (0, -states.shape[1] % _A_BYTE)))
-    bits = padded.reshape(len(padded), -1, _A_BYTE) << np.arange(0, 8, 2, dtype=np.uint8)
+    bits = padded.reshape(n, padded.shape[1] // _A_BYTE, _A_BYTE) << np.arange(
+        0, 8, 2, dtype=np.uint8
+    )
     return MatchedSide(
         ranked=is_ranked(side),
         image=_base64(table.image, "<u4"),
