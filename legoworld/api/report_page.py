@@ -21,12 +21,12 @@ def write_report(
     *,
     photos: str | Path | None = None,
     scene_folders: Sequence[str | Path] = (),
-    trajectories: str | Path | None = None,
+    trials: str | Path | None = None,
 ) -> WrittenPage:
     """Write one HTML page of evaluations and comparisons: numbers, errors, every photo.
 
     folders: of evaluations or comparisons, or of those of several tasks. photos: the folder of the
-    photos; scene_folders: where the scenes lie, for renders and 3D; trajectories: the page of
+    photos; scene_folders: where the scenes lie, for renders and 3D; trials: the page of
     `trajectory_report` that its photos link to. The page shows ground truth. An earlier page is
     replaced; above 500 views or 64 MiB its pictures are in a folder beside it.
     """
@@ -37,5 +37,5 @@ def write_report(
     words += ["--photos", "PHOTOS"] if photos else []
     words += ["--scenes", "SCENES"] * len(places)
     command = shlex.join([*words, "-o", "report.html"])
-    link = page_link(optional_path(trajectories), Path(output))
+    link = page_link(optional_path(trials), Path(output))
     return write_page(document, Path(output), commands=[command], trajectories=link)

@@ -164,7 +164,7 @@ def test_the_page_and_the_report_lead_to_each_other(chrome, tmp_path):
     report, page = tmp_path / "my report.html", tmp_path / "page.html"
     words = ["trajectory", "report", str(tmp_path / "scenes"), "-o", str(page)]
     assert cli.run([*words, "--report", str(report)]) == 0
-    words = ["report", str(boxes), "-o", str(report), "--trajectories", str(page)]
+    words = ["report", str(boxes), "-o", str(report), "--trials", str(page)]
     assert cli.run(words) == 0
     chrome.open(page)
     assert chrome.page.locator("#unscored").is_visible()
