@@ -32,7 +32,7 @@ ROOTS: Final = (
 )
 #: A section as page_file.py hands it to the scripts.
 SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
-                         "errors", "images", "names", "bench", "pixels")  # fmt: skip
+                         "errors", "images", "names", "bench", "pixels", "cohorts")  # fmt: skip
 _PLAIN: Final = {
     msgspec.inspect.StrType: "string",
     msgspec.inspect.IntType: "number",
@@ -49,6 +49,7 @@ interface PageData {
   kinds: string[];
   beside: { folder: string; pictures: boolean; scenes: boolean };
   version: string;
+  trajectories: string;
 }
 
 /** What selectors find is known by the page's own templates, not by its type. */

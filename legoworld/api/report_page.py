@@ -10,7 +10,7 @@ from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.by_task import folders_of_tasks
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.report.document import page_document
-from legoworld.report.page_file import WrittenPage, write_page
+from legoworld.report.page_file import WrittenPage, page_link, write_page
 from legoworld.report.sources import read_sources
 
 
@@ -21,12 +21,14 @@ def write_report(
     *,
     photos: str | Path | None = None,
     scene_folders: Sequence[str | Path] = (),
+    trials: str | Path | None = None,
 ) -> WrittenPage:
     """Write one HTML page of evaluations and comparisons: numbers, errors, every photo.
 
     folders: of evaluations or comparisons, or of those of several tasks. photos: the folder of the
-    photos; scene_folders: where the scenes lie, for renders and 3D. The page shows ground truth. An
-    earlier page is replaced; above 500 views or 64 MiB its pictures are in a folder beside it.
+    photos; scene_folders: where the scenes lie, for renders and 3D; trials: the page of
+    `trajectory_report` that its photos link to. The page shows ground truth. An earlier page is
+    replaced; above 500 views or 64 MiB its pictures are in a folder beside it.
     """
     tops, places = [Path(folder) for folder in folders], [Path(one) for one in scene_folders]
     sources = [one for folder in tops for one in folders_of_tasks(folder, EVIDENCE)]
@@ -35,4 +37,5 @@ def write_report(
     words += ["--photos", "PHOTOS"] if photos else []
     words += ["--scenes", "SCENES"] * len(places)
     command = shlex.join([*words, "-o", "report.html"])
-    return write_page(document, Path(output), commands=[command])
+    link = page_link(optional_path(trials), Path(output))
+    return write_page(document, Path(output), commands=[command], trajectories=link)

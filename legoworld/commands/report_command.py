@@ -26,12 +26,14 @@ from legoworld.pluralize import plural, share, word_for
     EXISTING_FOLDER,
     multiple=True,
 )
+@option("--trials", "Page of `trajectory report` to link to.", FILE, required=False)
 @option("--output", "HTML file to write.", FILE)
 @options.printing
 def command(
     folders: tuple[Path, ...],
     photos: Path | None,
     scene_folders: tuple[Path, ...],
+    trials: Path | None,
     output: Path,
     out: Output,
 ) -> int:
@@ -52,7 +54,7 @@ def command(
     """
     from legoworld.api.report_page import write_report
 
-    page = write_report(folders, output, photos=photos, scene_folders=scene_folders)
+    page = write_report(folders, output, photos=photos, scene_folders=scene_folders, trials=trials)
     if missing := page.views_without_photo:
         views = share(missing, page.views, "view", "views")
         out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")

@@ -124,11 +124,10 @@ def pairs(
 @click.argument("scenes", type=EXISTING_FOLDER)
 @option("--photos", required=False)
 @option("--scores")
+@option("--report", "Page of `legoworld report` to link to.", FILE, required=False)
 @option("--output", "The HTML file.", FILE)
 @options.printing
-def report(
-    scenes: Path, photos: Path | None, scores: Path | None, output: Path, out: Output
-) -> int:
+def report_command(scenes: Path, output: Path, out: Output, **given: Any) -> int:
     """Write one HTML page to scrub through: photo, render, Q and code of every call.
 
     \b
@@ -138,7 +137,7 @@ def report(
     """
     from legoworld.trajectories.api import trajectory_report
 
-    trials = trajectory_report(scenes, output, photos=photos, scores=scores)
+    trials = trajectory_report(scenes, output, listener=out.listener(), **given)
     out.show(
         {"page": str(output), "trials": len(trials)},
         f"{plural(len(trials), 'trial', 'trials')} -> {output}",

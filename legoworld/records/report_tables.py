@@ -256,6 +256,39 @@ class PixelList(Record, frozen=True, kw_only=True):
     constant: bool
 
 
+class MatchedSide(Record, frozen=True, kw_only=True):
+    """A side's match table, as base64 of little-endian numbers, in the order AP is accumulated in.
+
+    ranked: whether its scores differ. image, category: places, uint32; score: float32; state: of
+    each prediction, two bits for every area and threshold, 0 false, 1 true, 2 not counted;
+    truth_image, truth_category: cells with scored truth; n_truths: uint32, (areas, cells).
+    """
+
+    ranked: bool
+    image: str
+    category: str
+    score: str
+    state: str
+    truth_image: str
+    truth_category: str
+    n_truths: str
+
+
+class Cohorts(Record, frozen=True, kw_only=True):
+    """What any selection of a section's photos is scored with.
+
+    areas: names of sizes, the first is all; half: the place of IoU 0.5 among the thresholds;
+    categories: id and name; images: id, width and height.
+    """
+
+    areas: tuple[str, ...]
+    half: int
+    thresholds: int
+    categories: tuple[tuple[int, str], ...]
+    images: tuple[tuple[int, int, int], ...]
+    sides: tuple[MatchedSide, ...]
+
+
 class PageSection(Record, frozen=True, kw_only=True):
     """A section: evaluations of one task over one truth, or a comparison alone.
 
@@ -290,3 +323,4 @@ class PageSection(Record, frozen=True, kw_only=True):
     plots: Plots = Plots()
     bench: BenchTables | None = None
     pixels: PixelList | None = None
+    cohorts: Cohorts | None = None

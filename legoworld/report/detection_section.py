@@ -17,6 +17,7 @@ from legoworld.records.report_page import (
 )
 from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
+from legoworld.report.cohorts import cohorts, is_ranked, photo_gains
 from legoworld.report.costs import side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
 from legoworld.report.error_kinds import KINDS
@@ -69,12 +70,15 @@ def detection_section(
     rows: list[tuple[float, PhotoRow]] = []
     used: set[int] = set()
     errors = [_SideErrors(mended=MendedAp(side=side)) for side in sides]
+    gains = photo_gains(sides[0]) if is_ranked(sides[0]) else None
     for image in detection_images(sides):
         view = _view(section, image, names, document, places)
-        # Lowest quality of the first side first; neither truth nor a false prediction last.
+        # What costs a ranked first side most AP first; else its lowest quality. Neither truth nor
+        # a false prediction last.
         quality = image.sides[0].quality
         row = _row(image, view, len(document.views))
-        rows.append((math.inf if quality is None else quality, row))
+        worst = quality if gains is None else -gains.get(image.image.id, 0.0)
+        rows.append((math.inf if quality is None or worst is None else worst, row))
         document.views.append(view)
         used |= view.categories
         for of_side, side in zip(errors, image.sides, strict=True):
@@ -89,6 +93,7 @@ def detection_section(
         names={str(i): names[i] for i in sorted(used)},
         errors=tuple(e.counts(s.name) for s, e in zip(sides, errors, strict=True)),
         images=in_order(rows),
+        cohorts=cohorts(sides),
         plots=Plots(
             precision_recall=tuple(curve for side in sides for curve in precision_recall(side)),
             iou=tuple(e.iou.histogram(s.name) for s, e in zip(sides, errors, strict=True)),

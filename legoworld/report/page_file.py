@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
@@ -36,7 +38,7 @@ MARK: Final = "<!doctype html>\n<!-- legoworld report -->"
 THREE: Final = "three.bundle.js"
 #: What the scripts know of a section.
 _FOR_SCRIPTS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
-                       "errors", "images", "names", "bench", "pixels")  # fmt: skip
+                       "errors", "images", "names", "bench", "pixels", "cohorts")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +69,18 @@ class PageAssets:
         return self.pictures or self.scenes
 
 
-def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -> WrittenPage:
-    """Write the page. LegoWorldError where another file or folder is in the way."""
+def page_link(to: Path | None, page: Path) -> str:
+    """The address of another page as a page has it; empty for none."""
+    return "" if to is None else quote(os.path.relpath(to, page.parent))
+
+
+def write_page(
+    document: PageDocument, path: Path, *, commands: Sequence[str], trajectories: str = ""
+) -> WrittenPage:
+    """Write the page. LegoWorldError where another file or folder is in the way.
+
+    trajectories: the address of a page of trials, for a link from each photo.
+    """
     refuse_others(path, MARK)
     views = [script_json(view) for view in document.views]
     pictures = [p for kind in document.pictures.values() for p in kind]
@@ -86,7 +98,7 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
             pictures=document.pictures if beside.pictures else {},
             scenes=document.scenes.glbs if beside.scenes else (),
         )
-    text = page_text(document, views, beside=beside, commands=commands)
+    text = page_text(document, views, beside=beside, commands=commands, trajectories=trajectories)
     write_text(path, text)
     return WrittenPage(
         path=path,
@@ -98,7 +110,12 @@ def write_page(document: PageDocument, path: Path, *, commands: Sequence[str]) -
 
 
 def page_text(
-    document: PageDocument, views: Sequence[str], *, beside: PageAssets, commands: Sequence[str]
+    document: PageDocument,
+    views: Sequence[str],
+    *,
+    beside: PageAssets,
+    commands: Sequence[str],
+    trajectories: str = "",
 ) -> str:
     """The HTML, with views, photos, renders and scenes in it or beside it."""
     script = page_script()
@@ -126,7 +143,8 @@ def page_text(
             style=Markup(style),
             scripts=[Markup(text) for text in (three, script) if text],
             script_sha256=[_sha256_base64(text) for text in (three, script) if text],
-            data=_raw(script_json(_data(document, beside))),
+            trajectories=trajectories,
+            data=_raw(script_json(_data(document, beside) | {"trajectories": trajectories})),
             views=[] if beside.pictures else [_raw(v) for v in views],
             texts=texts,
         )

@@ -170,9 +170,13 @@ def photo_scene_name(info: ImageInfo) -> str:
 
 
 def _file_name(info: ImageInfo) -> str:
-    """The photo's file name. LVIS names photos by coco_url (v0.5's file_name is different)."""
+    """The photo's file name: the URL's where there is none, or where it is LVIS v0.5's.
+
+    LVIS v0.5 calls 000000000042.jpg COCO_val2014_000000000042.jpg, and only its URL says the name.
+    A copy of a photo has the URL of the first and a name of its own.
+    """
     name, by_url = info.file_name or "", _name_by_url(info)
-    return name if by_url in ("", PurePosixPath(name).name) else by_url
+    return by_url if by_url and (not name or name.endswith(f"_{by_url}")) else name
 
 
 def photo_names(info: ImageInfo) -> list[str]:

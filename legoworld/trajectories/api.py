@@ -10,9 +10,12 @@ from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.listener import SILENT, Listener
 from legoworld.evaluation.reconstruction.judge_pairs import choose_pairs, read_trajectories
 from legoworld.files import write_text
+from legoworld.pluralize import share
 from legoworld.records.base import canonical
 from legoworld.records.bench_results import JudgePair
 from legoworld.records.trajectories import TrajectoryFile, TrajectoryScore
+from legoworld.report.page_file import page_link
+from legoworld.report.photos import find_photo
 from legoworld.trajectories.folder import RecordedTrial, read_trial, recorded_trials
 from legoworld.trajectories.page import find_score, read_scores, with_renders, write_page
 from legoworld.trajectories.pick import By, Pick, PickPlan, pick
@@ -83,10 +86,24 @@ def trajectory_report(
     *,
     photos: str | Path | None = None,
     scores: str | Path | None = None,
+    report: str | Path | None = None,
+    listener: Listener = SILENT,
 ) -> list[RecordedTrial]:
-    """Write one HTML page to scrub through the trials below a folder; the trials."""
-    trials = recorded_trials(Path(scenes))
-    write_page(trials, Path(output), photos=optional_path(photos), scores=optional_path(scores))
+    """Write one HTML page to scrub through the trials below a folder; the trials.
+
+    report: the page of `write_report` that each trial links to. Photos that are not found are told
+    to the listener.
+    """
+    trials, folder = recorded_trials(Path(scenes)), optional_path(photos)
+    link = page_link(optional_path(report), Path(output))
+    write_page(trials, Path(output), photos=folder, scores=optional_path(scores), report=link)
+    names = [trial.about.file_name for trial in trials]
+    missing = [name for name in names if folder and find_photo(folder, name) is None]
+    if missing:
+        listener.notice(
+            f"{share(len(missing), len(names), 'photo', 'photos')} not found in {folder}, "
+            f"such as {missing[0]}"
+        )
     return trials
 
 

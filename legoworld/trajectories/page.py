@@ -34,6 +34,8 @@ from legoworld.records.trajectories import (
     TrajectoryFile,
     TrajectoryScore,
 )
+from legoworld.report.page_script import SCRIPTS
+from legoworld.report.photos import find_photo
 from legoworld.scene.folder import PICTURE
 from legoworld.scene.pictures import MOST_PHOTO_PX, MOST_PX
 from legoworld.tables.html import html
@@ -41,6 +43,7 @@ from legoworld.tables.table import Cell, Number, Table, table
 from legoworld.trajectories.curves import drops, moments
 from legoworld.trajectories.folder import RecordedTrial
 from legoworld.trajectories.score_checkpoints import slot_folder, tokens_until
+from legoworld.version import __version__
 
 _PAGE: Final = Path(__file__).with_name("page")
 _LONGEST_PX: Final = 480
@@ -116,11 +119,17 @@ def with_renders(
 
 
 def write_page(
-    trials: Sequence[RecordedTrial], path: Path, *, photos: Path | None, scores: Path | None
+    trials: Sequence[RecordedTrial],
+    path: Path,
+    *,
+    photos: Path | None,
+    scores: Path | None,
+    report: str = "",
 ) -> None:
     """One HTML file: for each trial the photo, the render, Q and the code of every step.
 
     Renders are those of the scored checkpoints; without scores there is the submission's alone.
+    report: the address of a report's page, for a link from each trial.
     """
     document = read_scores(scores)
     shown = [_trial(trial, find_score(document, trial), photos, scores) for trial in trials]
@@ -130,6 +139,9 @@ def write_page(
     page = environment.get_template("page.html").render(
         data=json.dumps(as_json(shown)).replace("<", "\\u003c"),
         tables=[Markup(html(table)) for table in _tables(document)],
+        style=Markup((SCRIPTS / "report.css").read_text(encoding="utf-8")),
+        report=report,
+        version=__version__,
     )
     write_text(path, page)
 
@@ -175,7 +187,8 @@ def _trial(
                 shown=shown,
             )
         )
-    photo = None if photos is None else _picture(photos / about.file_name, MOST_PHOTO_PX)
+    found = None if photos is None else find_photo(photos, about.file_name)
+    photo = None if found is None else _picture(found, MOST_PHOTO_PX)
     return PageTrial(
         scene=about.scene,
         agent=about.agent,

@@ -255,13 +255,13 @@ def test_cases_are_listed_by_tier_and_flag(chrome: Browser, page: Path) -> None:
     assert chrome.js(shown) == ["1"]
 
 
-FIRST_SCREEN = {"#/coco": [".verdict", ".costs li", ".coverage-bar"],
+FIRST_SCREEN = {"#/coco": [".verdict", ".worst-head a", ".pane:nth-child(2)"],
                 "#/coco/13": [".frame", ".score-line"],
-                "#/bench": [".verdict", ".numbers tbody b"],
+                "#/bench": [".verdict", ".worst-head a", ".pane:nth-child(3)"],
                 "#/bench/4": [".frame", ".score-line"]}  # fmt: skip
 #: Where there is room beside the picture.
-WIDE_TOO = {"#/coco": [".forest .point", "[data-sheet] .thumb"], "#/coco/13": [".advice li"],
-            "#/bench": ["[data-tiers] .tier", ".costs li"],
+WIDE_TOO = {"#/coco": [".costs li", ".coverage-bar", ".forest .point"], "#/coco/13": [".advice li"],
+            "#/bench": [".numbers tbody b"],
             "#/bench/4": [".advice li"]}  # fmt: skip
 
 

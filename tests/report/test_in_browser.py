@@ -346,6 +346,52 @@ def test_narrow_dark_and_light(chrome: Browser, page: Path, hash_text: str, sche
     chrome.resize(1280)
 
 
+def test_the_worst_photo_with_an_answer_is_the_first_thing_seen(
+    chrome: Browser, page: Path
+) -> None:
+    chrome.open(page, "#/lvis")
+    head = chrome.js(f"document.querySelector('{SECTION} .worst-head').textContent")
+    assert head.startswith("Worst photo with an answer: ")
+    panes = f"document.querySelectorAll('{SECTION} .worst .pane')"
+    bottom = f"Math.max(...Array.from({panes}, p => p.getBoundingClientRect().bottom))"
+    assert chrome.js(f"{panes}.length") >= 2
+    assert chrome.js(bottom) < 900
+    wide = f"document.querySelector('{SECTION} .forest').getBoundingClientRect().width"
+    assert chrome.js(wide) <= 700
+
+
+def test_an_unknown_section_is_said_and_the_first_is_shown(chrome: Browser, page: Path) -> None:
+    chrome.open(page, "#/nothing/3?tab=photos")
+    assert "no section nothing" in chrome.js("document.getElementById('strange').textContent")
+    assert chrome.js(f"document.querySelector('{SECTION}').innerText.length") > 100
+    chrome.page.locator("[data-tab-link=plots]").click()
+    assert chrome.js("document.getElementById('strange').hidden")
+
+
+def test_a_policy_that_refuses_the_scripts_is_said(chrome: Browser, page: Path) -> None:
+    strict = {"Content-Security-Policy": "script-src 'none'", "Content-Type": "text/html"}
+    chrome.page.route("http://strict.test/", lambda r: r.fulfill(path=page, headers=strict))
+    chrome.page.goto("http://strict.test/")
+    note = chrome.page.locator(".unscripted")
+    assert note.is_visible()
+    assert "Content-Security-Policy" in note.inner_text()
+    chrome.page.unroute("http://strict.test/")
+    chrome.said.clear()
+    chrome.open(page)
+    assert note.count() == 0
+
+
+def test_what_was_not_looked_at_is_printed_too(chrome: Browser, page: Path) -> None:
+    """Sections that were never open, and cards that no frame has drawn."""
+    chrome.open(page, "#/coco?tab=numbers")
+    chrome.js("window.dispatchEvent(new Event('beforeprint'))")
+    empty = (
+        "Array.from(document.querySelectorAll('[data-sheet] .thumb')).filter(t => !t.firstChild)"
+    )
+    assert chrome.js("document.querySelectorAll('[data-sheet] .thumb').length") > 12
+    assert chrome.js(f"{empty}.length") == 0
+
+
 def test_it_prints_every_section(chrome: Browser, page: Path) -> None:
     chrome.open(page, "#/coco")
     chrome.page.emulate_media(media="print")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import shutil
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from evaluation.depth.folders import evaluate_depth, write_arrays
 from report.chromium import Browser, browser
 from report.pages import embedded
 
@@ -215,6 +217,32 @@ def test_the_scene_in_3d_covers_what_was_read_out(
     assert all(any(w in u for w in wanted) for u in others)
     noise = [s for s in chrome.said if "GPU stall" not in s]
     assert noise == []
+
+
+@pytest.mark.blender
+def test_the_object_that_is_too_near_is_named(chrome: Browser, tmp_path: Path) -> None:
+    """The cat of the ground truth stands a third further away than the scene's; no else errs."""
+    one = tmp_path / "scenes" / "chelsea"
+    shutil.copytree(EXAMPLES / "chelsea", one)
+    run = tmp_path / "run"
+    assert cli.run(["readout", str(one.parent), "--task", "eth3d", "-o", str(run), "-q"]) == 0
+    (row,) = [json.loads(line) for line in (run / "per_image.jsonl").read_text().splitlines()]
+    z_m = np.load(run / row["depth"]["file"])["depth_z_m"]
+    truth = write_arrays(tmp_path / "truth", {"chelsea": np.where(z_m < 0.4, z_m * 4 / 3, z_m)})
+    evaluate_depth(run, truth, tmp_path / "eval", draws=5)
+    page = tmp_path / "report.html"
+    words = ["report", str(tmp_path / "eval"), "--scenes", str(one.parent), "-o", str(page), "-q"]
+    assert cli.run(words) == 0
+    chrome.said.clear()
+    chrome.open(page)
+    chrome.until("document.querySelector('.worst .object-errors b')")
+    assert chrome.js("document.querySelector('.object-errors b').textContent") == "Cat"
+    titles = "Array.from(document.querySelectorAll('.worst figcaption'), f => f.textContent)"
+    assert chrome.js(titles) == [
+        "ground truth", "scene, aligned", "scene minus ground truth", "scene in 3D"
+    ]  # fmt: skip
+    assert not chrome.js("document.getElementById('pages').innerText.includes('true positive')")
+    assert [s for s in chrome.said if "GPU stall" not in s] == []
 
 
 def test_a_glb_nested_too_deeply_is_said_for_its_photo_alone(scene: Path) -> None:

@@ -58,6 +58,15 @@ def test_an_lvis_image_is_named_by_its_coco_url(tmp_path):
         assert load_track(write(tmp_path, [image])).images[0].scene == "000000000139"
 
 
+def test_copies_of_a_photo_have_one_url_and_names_of_their_own(tmp_path):
+    url = "http://images.cocodataset.org/val2017/000000000139.jpg"
+    copies = [
+        {"id": k, "file_name": f"copy_{k}.jpg", "coco_url": url, "width": 4, "height": 3}
+        for k in (1, 2)
+    ]
+    assert [i.scene for i in load_track(write(tmp_path, copies)).images] == ["copy_1", "copy_2"]
+
+
 @pytest.mark.parametrize(
     "images",
     [

@@ -14,8 +14,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from evaluation.detection_runs import random_truth
 from msgspec.structs import replace as msgspec_replace
 from report.chromium import Browser, browser
+from report.pages import evaluated
 from trajectories.pages import LEFT, picture, recorded, scored
 
 from legoworld import cli
@@ -139,6 +141,42 @@ def test_without_scores_and_photos_there_is_the_submission_alone(tmp_path):
     assert found["final"].startswith("data:image/webp")
     assert {step["render"] for step in found["steps"]} == {None}
     assert {step["shares"][2] for step in found["steps"]} == {None}
+
+
+def test_photos_are_found_below_val2017_and_what_is_missing_is_said(tmp_path, capsys):
+    recorded(tmp_path / "scenes")
+    words = ["trajectory", "report", str(tmp_path / "scenes"), "-o", str(tmp_path / "page.html")]
+    picture(tmp_path / "photos" / "val2017" / "room.png", (200, 180, 120))
+    assert cli.run([*words, "--photos", str(tmp_path / "photos")]) == 0
+    assert embedded(tmp_path / "page.html")["photo"].startswith("data:image/webp")
+    assert "not found" not in capsys.readouterr().err
+    (tmp_path / "other").mkdir()
+    assert cli.run([*words, "--photos", str(tmp_path / "other")]) == 0
+    assert "1 photo not found" in capsys.readouterr().err
+
+
+def test_the_page_and_the_report_lead_to_each_other(chrome, tmp_path):
+    """A report of boxes whose photo is called as the trial's scene."""
+    truth = random_truth("coco", seed=1, images=2)
+    truth["images"][1]["file_name"] = "room.png"
+    boxes = evaluated(tmp_path, "coco", truth=truth)
+    recorded(tmp_path / "scenes")
+    report, page = tmp_path / "my report.html", tmp_path / "page.html"
+    words = ["trajectory", "report", str(tmp_path / "scenes"), "-o", str(page)]
+    assert cli.run([*words, "--report", str(report)]) == 0
+    words = ["report", str(boxes), "-o", str(report), "--trials", str(page)]
+    assert cli.run(words) == 0
+    chrome.open(page)
+    assert chrome.page.locator("#unscored").is_visible()
+    chrome.page.locator("#report").click()
+    chrome.until("document.querySelector('[data-gallery] a.card')")
+    chrome.page.locator("[data-gallery] a.card").click()
+    chrome.page.get_by_text("how it was made").click()
+    chrome.until("document.getElementById('which')")
+    assert chrome.js("decodeURIComponent(location.pathname + location.hash)").endswith(
+        "page.html#room"
+    )
+    chrome.said.clear()
 
 
 def test_keys_scrub_and_a_drop_leads_to_its_call(chrome, page):

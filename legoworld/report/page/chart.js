@@ -57,13 +57,15 @@ export function plotFigure({ name, title, root, keys, note, head, rows }) {
   const files = el("span", { class: "files" }, [
     button("CSV", () => save(name + ".csv", "text/csv", csvOf([head, ...rows])), { "aria-label": title + " as CSV" }),
     root ? button("SVG", () => save(name + ".svg", "image/svg+xml", svgText(root)), { "aria-label": title + " as SVG" }) : null]);
-  return el("figure", { class: "plot" }, [
+  const figure = el("figure", { class: "plot" }, [
     el("figcaption", {}, [el("h3", {}, [title]), files]),
     legend.length ? el("div", { class: "legend-keys" }, legend) : null,
     root,
     note ? el("p", { class: "sub" }, [note]) : null,
     el("details", {}, [el("summary", {}, ["table, " + rows.length + (rows.length === 1 ? " row" : " rows")]),
       table(head, rows, title)])]);
+  if (root) { figure.style.maxWidth = root.viewBox.baseVal.width + "px"; }
+  return figure;
 }
 
 export function csvOf(rows) {

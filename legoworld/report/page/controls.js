@@ -1,6 +1,7 @@
 /* What sorts and filters: the gallery's choices and the table of categories. */
 
 import { el, markScrollers } from "./elements.js";
+import { confidenceOf, confidenceSlider } from "./cohorts.js";
 import { gallery, orders } from "./gallery.js";
 import { here, moveTo } from "./place.js";
 import { DATA, sectionElement } from "./views.js";
@@ -62,6 +63,13 @@ export function applyLists(section, place) {
     const wanted = place[keyOf(input)];
     if (input.value !== wanted && (document.activeElement !== input || input.tagName === "SELECT")) { input.value = wanted; }
   });
+  root.querySelectorAll("[data-confidence]").forEach((host) => {
+    if (!section.cohorts || !section.cohorts.sides.some((s) => s.ranked) || host.dataset.conf === String(confidenceOf(section, place))) { return; }
+    const focused = host.contains(document.activeElement);
+    host.dataset.conf = String(confidenceOf(section, place));
+    host.replaceChildren(confidenceSlider(section));
+    if (focused) { host.querySelector("input").focus(); }
+  });
   if (place.tab === "photos" && !place.image) { gallery(section, place); }
 }
 
@@ -85,6 +93,7 @@ function fillChoices(section) {
     const flags = new Set(section.images.flatMap((row) => row.cells.flatMap((/** @type {any} */ c) => c.flags)));
     choice("flag", Array.from(flags).sort().map((f) => [f, f.replaceAll("_", " ")]));
   }
+  choice("size", (section.cohorts ? section.cohorts.areas.slice(1) : []).map((a) => [a, a]));
   choice("wins", [...section.sides.map((s, k) => [String(k), s.label]), ["tie", "neither"]]);
   choice("sort", orders(section).map(([name, title]) => [name, title]));
 }

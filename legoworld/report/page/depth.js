@@ -38,20 +38,36 @@ function metres(z) {
 
 function signed(z) { return (z > 0 ? "+" : "") + metres(z); }
 
+function depthPicture(depth, values, color) {
+  return paintedPixels(values.length, depth.size_wh, (i) => Number.isNaN(values[i]) ? null : color(values[i]));
+}
+
+/* Aligned minus ground truth in metres, and beside it what each pixel's AbsRel is; null without a score. */
+export function depthErrors(depth, k) {
+  if (!depth || depth.aligned[k] === null) { return null; }
+  const [truth, aligned] = [depths(depth.truth, depth), depths(depth.aligned[k], depth)];
+  const error = aligned.map((z, i) => z - truth[i]);
+  return { aligned, error, relative: error.map((e, i) => Math.abs(e) / truth[i]) };
+}
+
+/* The signed error of the first side as a picture. */
+export function depthErrorUrl(depth) {
+  const made = depthErrors(depth, 0);
+  return made && depthPicture(depth, made.error, depthErrorColor(depth));
+}
+
 export function depthPanes(view, frames, readout) {
   const depth = view.depth;
-  const painted = (values, color) => paintedPixels(values.length, depth.size_wh,
-    (i) => Number.isNaN(values[i]) ? null : color(values[i]));
   const truth = depths(depth.truth, depth);
   const sides = [];
-  const panes = [["truth", "ground truth", painted(truth, depthColor(depth))]];
+  const panes = [["truth", "ground truth", depthPicture(depth, truth, depthColor(depth))]];
   view.sides.forEach((side, k) => {
-    if (depth.aligned[k] === null) { return; }
-    const aligned = depths(depth.aligned[k], depth);
-    const error = aligned.map((z, i) => z - truth[i]);
+    const made = depthErrors(depth, k);
+    if (!made) { return; }
+    const { aligned, error } = made;
     sides.push({ label: side.label, aligned, error });
-    panes.push(["aligned" + k, side.label + ", aligned", painted(aligned, depthColor(depth))],
-      ["error" + k, side.label + " minus ground truth", painted(error, depthErrorColor(depth))]);
+    panes.push(["aligned" + k, side.label + ", aligned", depthPicture(depth, aligned, depthColor(depth))],
+      ["error" + k, side.label + " minus ground truth", depthPicture(depth, error, depthErrorColor(depth))]);
   });
   const said = (at) => "ground truth " + metres(truth[at]) + sides.map((s) => {
     const off = s.error[at];

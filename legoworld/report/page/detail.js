@@ -1,24 +1,16 @@
 /* One photo: its panes with one zoom, what is wrong, what to do, and what the run recorded. */
 
-import { benchChecks, benchItems, benchLegends, benchObjects, benchPanes } from "./bench.js";
-import { depthPanes } from "./depth.js";
+import { benchChecks, benchObjects } from "./bench.js";
 import { button, el, markScrollers } from "./elements.js";
 import { findingsOf, objectsOf, recordOf, scoreLine } from "./findings.js";
-import { frameKey, linkedFrames } from "./frames.js";
-import { neighbours, step } from "./gallery.js";
+import { frameKey } from "./frames.js";
+import { atConfidence, neighbours, step } from "./gallery.js";
 import { linkItems } from "./links.js";
-import { mapLegend, mapPanes } from "./maps.js";
-import { normalsPanes } from "./normals.js";
-import { describe, drawnItems } from "./outcomes.js";
-import { layerSwitches, paneChoices } from "./panes.js";
+import { describe } from "./outcomes.js";
 import { here, moveTo, noteInAddress } from "./place.js";
 import { drawFirst, questionList } from "./relations.js";
-import { sceneChoices } from "./scene3d.js";
+import { shownItems, stageOf } from "./stage.js";
 import { DATA, LEFT_BEHIND, sectionOf, withView } from "./views.js";
-
-const USUAL_LAYERS = ["truth", "tp", "fp", "fn", "names"];
-const LAYER_KEYS = ["truth", "tp", "fp", "fn", "other", "object", "names"];
-const OUTLINED = ["truth", "tp", "fp", "fn", "other"];
 
 /* What keys act on while a photo is open. */
 let OPEN = null;
@@ -88,7 +80,7 @@ function detailOf(section, view, place, beside = false) {
   const row = section.images.find((r) => r.id === view.id);
   const many = view.sides.length > 1;
   const root = el("div", { class: "photo" });
-  const items = section.bench ? benchItems(view, section.names) : view.truths ? drawnItems(view, section.names) : [];
+  const items = shownItems(section, view);
   const picked = el("p", { class: "picked", "aria-live": "polite" }, [HINT]);
   const links = linkItems(root, items, (lit, pinned) => {
     picked.textContent = lit.length ? lit.slice(0, 3).map(describe).join("; ") +
@@ -97,7 +89,7 @@ function detailOf(section, view, place, beside = false) {
   });
   const stage = stageOf(section, view, items, links, place, beside ? () => {} : noteInAddress);
   root.addEventListener("click", (event) => pickFrom(event, items, links, stage));
-  const scores = row ? row.cells.map((c, k) => scoreLine(c, row.n_truth, many ? view.sides[k].label : "")) : [];
+  const scores = row ? row.cells.map((c, k) => scoreLine(atConfidence(section, row, k, c), row.n_truth, many ? view.sides[k].label : "")) : [];
   const findings = view.sides.flatMap((s, k) => findingsOf(s, k, items, many, section.sides[k]));
   if (!section.bench && section.sides.every((s) => s.scene)) {
     findings.push(el("p", { class: "sub" }, ["no specialist was run"]));
@@ -136,89 +128,10 @@ function topBar(view) {
     button("\u2190 " + (photos ? "all photos" : "overview"), () => moveTo({ image: "" }), { "data-keep": "up" }),
     el("h2", { tabindex: -1, "data-keep": "title" }, [view.file_name]),
     el("span", { class: "count" }, [(view.objects ? "case " : "image ") + view.id + ", " + where]),
+    DATA.trajectories ? el("a", { href: DATA.trajectories + "#" + encodeURIComponent(DATA.views.find((v) =>
+      v[0] === view.section && v[1] === view.id)[2]) }, ["how it was made"]) : null,
     button("\u2039 previous", () => step(-1), { "data-keep": "previous" }),
     button("next \u203a", () => step(1), { "data-keep": "next" })]);
-}
-
-/**
- * The panes, with their switches.
- * @returns {any}
- */
-function stageOf(section, view, items, links, place, note) {
-  const grid = el("div", { class: "panes" });
-  const usualLayers = section.bench ? ["object"] : USUAL_LAYERS;
-  const shown = new Set(place.show ? place.show.split(".") : usualLayers);
-  const makePanes = view.depth ? depthPanes : view.normals ? normalsPanes : null;
-  const readout = makePanes ? el("p", { class: "readout", "aria-live": "polite" }, ["Point at a pixel."]) : null;
-  const frames = linkedFrames(view.size_wh, (x, y, /** @type {any} */ target) => {
-    const node = target.closest("[data-items]");
-    if (node) { links.pin(node.dataset.items.split(" ").map(Number)); } else { links.release(); }
-  }, (x, y) => { if (pixels) { pixels.point(x, y); } });
-  const pixels = makePanes ? makePanes(view, frames, readout) : null;
-  const scenes = sceneChoices(view, items, links);
-  const maps = view.maps ? mapPanes(view, frames) : null;
-  const panes = pixels ? pixels.choices : maps || (section.bench ? benchPanes(section, view, items, frames) : paneChoices(view, items, frames));
-  const choices = [...panes, ...scenes];
-  const open = new Map();
-  const usual = choices.filter((c) => !c.why && (section.bench ? c.usual && c.key.slice(0, 5) !== "scene" : pixels || maps ? c.usual !== false : /^(side|slide|scene)/.test(c.key)))
-    .map((c) => c.key);
-  const wanted = place.panes ? place.panes.split(".") : usual;
-  function set(choice, on) {
-    if (on && !open.has(choice.key)) {
-      const made = choice.make();
-      open.set(choice.key, el("figure", { class: "pane" }, [el("figcaption", {}, [choice.title]), made]));
-    } else if (!on && open.has(choice.key)) {
-      if (choice.close) { choice.close(); }
-      open.delete(choice.key);
-    }
-    grid.replaceChildren(...choices.filter((c) => open.has(c.key)).map((c) => open.get(c.key)));
-    grid.dataset.n = String(open.size);
-    frames.resized();
-    links.redraw();
-  }
-  const switches = choices.map((choice) => paneSwitch(choice, wanted.includes(choice.key), (on) => {
-    set(choice, on);
-    const keys = [...choices.filter((c) => open.has(c.key)).map((c) => c.key)];
-    note({ panes: keys.join(".") === usual.join(".") ? "" : keys.join(".") });
-  }));
-  choices.filter((c) => !c.why && wanted.includes(c.key)).forEach((c) => set(c, true));
-  const layerKeys = LAYER_KEYS.filter((key) => key === "names" || (key === "object") === Boolean(section.bench));
-  const paint = () => layerKeys.forEach((key) => grid.classList.toggle("no-" + key, !shown.has(key)));
-  paint();
-  const layers = pixels || view.questions || maps ? [] : [layerSwitches(items, shown, section.bench ? ["object"] : OUTLINED, (key, on) => {
-    if (on) { shown.add(key); } else { shown.delete(key); }
-    paint();
-    const keys = layerKeys.filter((k) => shown.has(k));
-    note({ show: keys.join(".") === usualLayers.join(".") ? "" : keys.join(".") || "none" });
-  })];
-  const zoom = el("div", { class: "zoom", role: "group", "aria-label": "zoom of all panes" }, [
-    button("\u2212", () => frames.smaller(), { "aria-label": "smaller" }),
-    button("+", () => frames.larger(), { "aria-label": "larger" }), button("fit", () => frames.fit())]);
-  const bar = el("div", { class: "stage-bar" }, [el("div", { class: "switch-rows", role: "group", "aria-label": "panes" },
-    switchRows(choices, switches)), zoom]);
-  const whys = choices.filter((c) => c.why).map((c) => el("li", {}, [c.title + ": " + c.why]));
-  const node = el("div", { class: "stage" }, [bar, readout, grid, ...layers, pixels ? pixels.legends : maps ? mapLegend() : section.bench ? benchLegends(section.bench) : null,
-    whys.length ? el("details", { class: "whys" }, [
-      el("summary", {}, [whys.length === 1 ? "1 pane is not there" : whys.length + " panes are not there"]),
-      el("ul", {}, whys)]) : null]);
-  return { node, frames, close: () => choices.forEach((c) => { if (c.close && open.has(c.key)) { c.close(); } }) };
-}
-
-/* Switches of one submission in a row of their own. */
-function switchRows(choices, switches) {
-  const groups = Array.from(new Set(choices.map((c) => c.group || "")));
-  return groups.map((group) => el("div", { class: "switches" }, [
-    group ? el("span", { class: "who" }, [group]) : null, ...switches.filter((_, i) => (choices[i].group || "") === group)]));
-}
-
-function paneSwitch(choice, on, change) {
-  const made = button(choice.short || choice.title, () => {
-    const next = made.getAttribute("aria-pressed") !== "true";
-    made.setAttribute("aria-pressed", String(next));
-    change(next);
-  }, { "aria-pressed": String(on && !choice.why), "data-pane": choice.key, disabled: Boolean(choice.why),
-    "aria-label": choice.short ? choice.title : null, title: choice.why || null });
-  return made;
 }
 
 /* True where the key was for the photo. */

@@ -1,5 +1,7 @@
 /* Photos as cards, worst first: only those near the window exist, so 5,000 scroll like 50. */
 
+import { choiceOf, cohortLines, confidenceOf, countsOf, leastOf } from "./cohorts.js";
+import { depthErrorUrl } from "./depth.js";
 import { el, fixed, svg } from "./elements.js";
 import { areaOf, drawnItems, inDrawingOrder } from "./outcomes.js";
 import { here, moveTo } from "./place.js";
@@ -14,8 +16,8 @@ const MOST_MARKS = 3;
 const BEYOND = 500;
 
 /** What a section's photos are, sorted and filtered as the address says.
- * @type {{key: string, rows: PhotoRow[]}} */
-const LISTED = { key: "", rows: [] };
+ * @type {{key: string, drawn: string, rows: PhotoRow[]}} */
+const LISTED = { key: "", drawn: "", rows: [] };
 
 function quality(row, k) {
   const cell = /** @type {any} */ (row.cells[k]);
@@ -108,7 +110,9 @@ function keeps(row, place, q) {
 
 export function listed(section, place) {
   const q = place.q.toLowerCase();
-  const rows = section.images.filter((row) => keeps(row, place, q));
+  const sized = section.cohorts && place.size ? countsOf(section, 0, choiceOf(section, place)).n : null;
+  const large = new Set((section.cohorts ? section.cohorts.images : []).filter((_, i) => sized && sized[i]).map(([id]) => id));
+  const rows = section.images.filter((row) => keeps(row, place, q) && (!sized || large.has(row.id)));
   return sorted(rows, section, place.sort);
 }
 
@@ -130,7 +134,7 @@ export function step(by) {
 export function card(section, row, attributes) {
   const picture = el("span", { class: "thumb" });
   const many = section.sides.length > 1;
-  const marks = row.cells.slice(0, MOST_MARKS).map((cell, k) => markOf(cell, many ? shortName(section.sides[k].label) : ""));
+  const marks = row.cells.slice(0, MOST_MARKS).map((cell, k) => markOf(atConfidence(section, row, k, cell), many ? shortName(section.sides[k].label) : ""));
   const first = row.cells[0];
   const said = first.status === "ok" ? first.advice : first.status + (first.advice ? ": " + first.advice : "");
   const made = el("a", Object.assign({ class: "card", href: "#/" + section.key + "/" + row.id,
@@ -154,12 +158,30 @@ function drawLater(picture, draw) {
   requestAnimationFrame(drawSome);
 }
 
+/* All of them at once: paper has no next frame. */
+export function drawAll() { THUMBS.forEach((draw, picture) => { THUMBS.delete(picture); draw(); }); }
+
 function drawSome() {
   Array.from(THUMBS.entries()).reverse().filter(([picture]) => picture.isConnected).slice(0, A_FRAME)
     .forEach(([picture, draw]) => { THUMBS.delete(picture); draw(); });
   THUMBS.forEach((_, picture) => { if (!picture.isConnected) { THUMBS.delete(picture); } });
   drawing = THUMBS.size > 0;
   if (drawing) { requestAnimationFrame(drawSome); }
+}
+
+const AT_CONFIDENCE = { key: "", counts: [] };
+
+/* A photo's counts of what is confident enough. */
+export function atConfidence(section, row, k, cell) {
+  const conf = confidenceOf(section);
+  if (!conf || cell.tp === undefined) { return cell; }
+  const key = section.key + " " + conf;
+  if (AT_CONFIDENCE.key !== key) {
+    Object.assign(AT_CONFIDENCE, { key, counts: section.sides.map((_, side) => countsOf(section, side, { conf })),
+      places: new Map(section.cohorts.images.map(([id], i) => [id, i])) });
+  }
+  const [{ tp, fp, n }, i] = [AT_CONFIDENCE.counts[k], AT_CONFIDENCE.places.get(row.id)];
+  return { ...cell, tp: tp[i], fp: fp[i], fn: n[i] - tp[i] };
 }
 
 function markOf(cell, label) {
@@ -192,13 +214,16 @@ function thumbnail(section, view) {
   const url = pictureUrl("photo", view.photo);
   const at = section.bench ? view.sides[0].hit_picture : view.maps ? view.maps.answers[0] : null;
   const over = pictureUrl("overlay", at);
+  const error = depthErrorUrl(view.depth);
   const ground = url ? svg("image", { href: url, width: w, height: h, preserveAspectRatio: "none", class: over ? "faded" : null })
     : svg("rect", { class: "no-photo", width: w, height: h });
-  const items = view.truths ? drawnItems(view, section.names).filter((i) => i.side === 0) : [];
+  const items = view.truths ? drawnItems(view, section.names, leastOf(section)).filter((i) => i.side === 0) : [];
   const shapes = inDrawingOrder(items).filter((i) => i.layer !== "other" && areaOf(i) > 0).map((item) =>
     svg("path", { class: "thumb-line s-" + item.layer, d: shapePath(item.shape, view.size_wh) }));
   return svg("svg", { viewBox: "0 0 " + w + " " + h, "aria-hidden": "true" }, [ground,
-    over ? svg("image", { href: over, width: w, height: h, preserveAspectRatio: "none" }) : null, ...shapes]);
+    over ? svg("image", { href: over, width: w, height: h, preserveAspectRatio: "none" }) : null,
+    error ? svg("svg", { x: url ? w / 2 : 0, width: w, height: h, viewBox: [url ? w / 2 : 0, 0, w, h].join(" ") }, [
+      svg("image", { href: error, width: w, height: h, preserveAspectRatio: "none", class: "pixels" })]) : null, ...shapes]);
 }
 
 /* The gallery of a section: cards placed by hand in a box as high as all of them. */
@@ -206,16 +231,22 @@ export function gallery(section, place) {
   const box = sectionElement(section.key).querySelector("[data-gallery]");
   if (!box) { return; }
   const rows = listed(section, place);
-  const same = LISTED.key === section.key && LISTED.rows.length === rows.length &&
+  const key = section.key + " " + confidenceOf(section, place);
+  const same = LISTED.drawn === key && LISTED.rows.length === rows.length &&
     rows.every((row, i) => row === LISTED.rows[i]);
   if (!same || !box.childElementCount) {
     LISTED.key = section.key;
+    LISTED.drawn = key;
     LISTED.rows = rows;
     box.replaceChildren();
   }
   const count = sectionElement(section.key).querySelector("[data-count=photos]");
   count.textContent = rows.length + " of " + section.images.length + (section.bench ? " cases" : " photos");
   layout();
+  const lines = sectionElement(section.key).querySelector("[data-cohort]");
+  if (!lines || !section.cohorts || lines.dataset.of === location.hash) { return; }
+  lines.dataset.of = location.hash;
+  setTimeout(() => { if (lines.dataset.of === location.hash) { lines.replaceChildren(...cohortLines(section, rows, place)); } });
 }
 
 function geometry(box) {

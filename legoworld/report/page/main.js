@@ -3,9 +3,9 @@
 import { applyLists, startControls } from "./controls.js";
 import { detailKey, leaveDetail, showDetail } from "./detail.js";
 import { markScrollers } from "./elements.js";
-import { focusPhoto, galleryKey, layout } from "./gallery.js";
+import { drawAll, focusPhoto, galleryKey, layout } from "./gallery.js";
 import { overview } from "./overview.js";
-import { KEYS, here, moveTo, parsePlace } from "./place.js";
+import { KEYS, here, moveTo, noteInAddress, parsePlace } from "./place.js";
 import { plots } from "./plots.js";
 import { DATA, sectionElement } from "./views.js";
 
@@ -15,6 +15,11 @@ const LAST = { image: "", section: "", tab: "", scroll: 0 };
 function show() {
   const place = here();
   const section = DATA.sections.find((s) => s.key === place.section) || DATA.sections[0];
+  const strange = place.section && place.section !== section.key ? place.section : "";
+  const said = document.getElementById("strange");
+  said.hidden = !strange;
+  said.textContent = strange && "There is no section " + strange + " on this page: this is " + section.title + ".";
+  if (strange) { place.image = ""; noteInAddress({ section: section.key, image: "" }); }
   place.section = section.key;
   place.tab = TABS.includes(place.tab) ? place.tab : "overview";
   const opened = place.image && !LAST.image;
@@ -28,7 +33,7 @@ function show() {
   document.getElementById("detail").hidden = !place.image;
   document.body.classList.toggle("one", Boolean(place.image));
   applyLists(section, place);
-  if (place.tab === "overview") { overview(section); }
+  if (place.tab === "overview" && !place.image) { overview(section); }
   if (place.tab === "plots") { plots(section); }
   if (place.image) {
     showDetail(section, place);
@@ -79,6 +84,7 @@ function onKey(event) {
 }
 
 function start() {
+  document.querySelectorAll(".unscripted").forEach((note) => note.remove());
   startControls();
   document.addEventListener("click", follow);
   document.addEventListener("keydown", onKey);
@@ -92,7 +98,10 @@ function start() {
   };
   window.addEventListener("scroll", again, { passive: true });
   window.addEventListener("resize", () => { again(); document.querySelectorAll("section.task:not([hidden])").forEach(markScrollers); });
-  window.addEventListener("beforeprint", () => DATA.sections.forEach((s) => { overview(s); plots(s); }));
+  window.addEventListener("beforeprint", () => {
+    DATA.sections.forEach((s) => { overview(s, true); plots(s); });
+    drawAll();
+  });
   show();
 }
 

@@ -4,6 +4,14 @@ import { el } from "./elements.js";
 
 export const ORBIT_HINT = ": drag or use the arrow keys to orbit, wheel or + and - to come nearer, 0 for the photo's camera";
 
+const KEPT_THREE = [];
+
+/* three.js, run once: of two copies each would have classes of its own. */
+export function threeJs() {
+  if (!KEPT_THREE.length) { KEPT_THREE.push(window.legoworldThree()); }
+  return KEPT_THREE[0];
+}
+
 export function orbitCanvas(what) { return el("canvas", { tabindex: 0, "aria-label": what + ORBIT_HINT }); }
 
 export function rendererOn(three, canvas) {

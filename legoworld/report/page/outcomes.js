@@ -13,11 +13,12 @@ export const LAYERS = ["truth", "tp", "fp", "fn", "other"];
 function layerOf(outcome) { return outcome === "tp" || outcome === "fp" ? outcome : "other"; }
 
 /**
- * Everything that is drawn; an item's id is its place in the list.
+ * Everything that is drawn; an item's id is its place in the list. least: of each side, the confidence below
+ * which a prediction is not there, and what only such a one found is missed.
  * @param {DetectionPageView} view
  * @returns {Item[]}
  */
-export function drawnItems(view, names) {
+export function drawnItems(view, names, least = []) {
   const items = [];
   const add = (item) => items.push(Object.assign({ id: items.length, iou: null }, item));
   view.truths.forEach((truth, t) => {
@@ -27,12 +28,18 @@ export function drawnItems(view, names) {
   });
   view.sides.forEach((side, k) => {
     view.truths.forEach((truth, t) => {
-      const state = side.truth[t];
+      const finder = side.predictions.find((p) => p.o === "tp" && p.t === t && p.s < (least[k] || 0));
+      const state = finder ? "below" : side.truth[t];
+      if (finder) {
+        add({ layer: "fn", side: k, shape: truth, name: names[truth.c], t,
+          what: "missed at this confidence: what finds it has " + Number(finder.s.toFixed(3)) });
+      }
       if (state !== "missed" && state !== "reached") { return; }
       add({ layer: "fn", side: k, shape: truth, name: names[truth.c], t,
         what: state === "missed" ? "missed" : "missed, but a false positive is about it" });
     });
     side.predictions.forEach((p, n) => {
+      if (p.s < (least[k] || 0)) { return; }
       add({ layer: layerOf(p.o), side: k, shape: p, name: names[p.c], t: p.t, iou: p.i, score: p.s,
         p: n, object: p.n, what: whatOf(p, view, names) });
     });
@@ -50,7 +57,7 @@ function whatOf(p, view, names) {
 
 export function describe(item) {
   return item.name + ": " + item.what + (item.iou === null ? "" : ", IoU " + item.iou.toFixed(3)) +
-    (item.score === undefined ? "" : ", score " + Number(item.score.toFixed(3))) +
+    (item.score === undefined ? "" : ", confidence " + Number(item.score.toFixed(3))) +
     (item.object ? ", object " + item.object : "");
 }
 

@@ -1,27 +1,39 @@
 /* The first screen: the main metrics with their intervals, the coverage, the worst photos. */
 
 import { plotFigure } from "./chart.js";
+import { confidenceOf } from "./cohorts.js";
 import { counted, el, fixed, svg } from "./elements.js";
 import { card } from "./gallery.js";
 import { tierFigures } from "./tiers.js";
 import { sectionElement } from "./views.js";
+import { worst } from "./worst.js";
 
 const SHEET = 12;
-const LINE = 27;
+const LINE = 21;
 const NAMES = 148;
-const DRAWN = new Set();
+const DRAWN = new Map();
 
-/** @param {PageSection} section */
-export function overview(section) {
-  if (DRAWN.has(section.key)) { return; }
-  DRAWN.add(section.key);
+/** @param {PageSection} section
+ * @param {boolean} [printed] at once, without what takes time */
+export function overview(section, printed = false) {
   const root = sectionElement(section.key);
+  const conf = confidenceOf(section);
+  const before = DRAWN.get(section.key);
+  if (before && before.conf === conf) { return; }
+  const drawn = { conf, close: () => {} };
+  DRAWN.set(section.key, drawn);
+  const [large, sheet] = [root.querySelector("[data-worst]"), root.querySelector("[data-sheet]")];
+  if (before) {
+    before.close();
+    [large, sheet].forEach((host) => host && host.replaceChildren());
+  }
+  if (large) { drawn.close = worst(section, large, printed); }
+  if (sheet) { sheet.append(...section.images.slice(0, SHEET).map((row) => card(section, row, {}))); }
+  if (before) { return; }
   const forest = root.querySelector("[data-forest]");
   if (section.bench) { root.querySelector("[data-tiers]").append(...tierFigures(section)); }
   if (section.first.forest.length) { forest.append(forestFigure(section)); }
   root.querySelector("[data-coverage]").append(...section.first.coverage.map((bar) => coverageBar(bar, Boolean(section.bench))));
-  const sheet = root.querySelector("[data-sheet]");
-  if (sheet) { sheet.append(...section.images.slice(0, SHEET).map((row) => card(section, row, {}))); }
 }
 
 function labelsOf(section) {

@@ -41,10 +41,12 @@ function tags(items, size) {
   const order = ["fn", "fp", "tp", "object", "other"];
   const taken = [];
   const unit = size[0] / 480;
+  const ranked = new Set(items.filter((item) => item.score !== undefined).map((item) => item.score)).size > 1;
   return items.filter((item) => item.layer !== "truth").sort((a, b) =>
     order.indexOf(a.layer) - order.indexOf(b.layer) || b.shape.box[2] - a.shape.box[2],
   ).map((item) => {
-    const text = SIGNS[item.layer] + item.name + (item.iou === null ? "" : " " + item.iou.toFixed(2));
+    const sure = ranked && item.score !== undefined ? " " + item.score.toFixed(2) : "";
+    const text = SIGNS[item.layer] + item.name + sure + (item.iou === null ? "" : " (IoU " + item.iou.toFixed(2) + ")");
     const wide = text.length * 6.3 * unit;
     const x = Math.max(0, Math.min(item.shape.box[0], size[0] - wide));
     const y = Math.max(item.shape.box[1], 0);

@@ -3,7 +3,7 @@
 
 import { depths } from "./depth.js";
 import { button, counted, el } from "./elements.js";
-import { orbitCanvas, orbitStage, pinholeEye, rendererOn } from "./orbit.js";
+import { orbitCanvas, orbitStage, pinholeEye, rendererOn, threeJs } from "./orbit.js";
 
 const OUTSIDE = "outside";
 
@@ -21,6 +21,7 @@ export function pointChoices(view, outcomes) {
       make: () => {
         const host = el("div", { class: "scene3d" }, [el("p", { class: "wait" }, ["loading the points"])]);
         host.style.setProperty("aspect-ratio", view.raster.size_wh.join(" / "));
+        host.style.setProperty("--wide", String(view.raster.size_wh[0] / view.raster.size_wh[1]));
         Promise.resolve().then(() => { shown = openPoints(host, view.raster, side.points, outcomes); })
           .catch((error) => host.replaceChildren(el("p", { class: "wait" }, ["The points cannot be shown: " + error.message])));
         return el("div", {}, [host, el("p", { class: "over" }, [thinned(view.raster)])]);
@@ -37,7 +38,7 @@ function thinned(raster) {
 }
 
 function openPoints(host, raster, points, outcomes) {
-  const three = window.legoworldThree();
+  const three = threeJs();
   const renderer = rendererOn(three, orbitCanvas("both surfaces as points"));
   const depth = { z0_m: raster.z0_m, step: raster.depth_step };
   const clouds = [["reference", raster.reference, points.reference_outcome],

@@ -1,7 +1,9 @@
 /* The scene itself: scene.glb from the photo's camera, free to orbit, coloured by outcome. */
 
+import { depthErrors } from "./depth.js";
 import { button, el } from "./elements.js";
-import { orbitCanvas, orbitStage, pinholeEye, rendererOn } from "./orbit.js";
+import { objectErrors } from "./object_errors.js";
+import { orbitCanvas, orbitStage, pinholeEye, rendererOn, threeJs } from "./orbit.js";
 import { WORDS } from "./outcomes.js";
 import { LEFT_BEHIND, withScene } from "./views.js";
 
@@ -19,26 +21,29 @@ export function sceneChoices(view, items, links) {
       make: () => {
         const host = el("div", { class: "scene3d" }, [el("p", { class: "wait" }, ["loading the scene"])]);
         host.style.setProperty("aspect-ratio", view.size_wh.join(" / "));
+        host.style.setProperty("--wide", String(view.size_wh[0] / view.size_wh[1]));
         const fail = (text) => host.replaceChildren(el("p", { class: "wait" }, [text]));
         withScene(glb, (text) => {
-          Promise.resolve().then(() => openScene(host, text, camera, items.filter((i) => i.side === k), links))
+          Promise.resolve().then(() => openScene(host, text, camera, items.filter((i) => i.side === k), links,
+            depthErrors(view.depth, k), view))
             .then((made) => { shown = made; })
             .catch((error) => fail("The scene cannot be shown: " + error.message));
         }, () => fail("The scene is not here: " + LEFT_BEHIND));
-        return host;
+        return view.depth ? el("div", {}, [host]) : host;
       },
       close: () => { if (shown) { shown.close(); shown = null; } } }];
   });
 }
 
-async function openScene(host, text, camera, items, links) {
-  const three = window.legoworldThree();
+async function openScene(host, text, camera, items, links, errors, view) {
+  const three = threeJs();
   const canvas = orbitCanvas("the scene in 3D");
   const renderer = rendererOn(three, canvas);
   const gltf = await parsed(three, text);
   const world = new three.Scene();
   world.add(gltf.scene, new three.HemisphereLight(0xffffff, 0x8a8378, 2.4));
   const eye = cameraOf(three, camera, gltf.scene);
+  if (errors) { host.after(objectErrors(three, gltf.scene, eye, view.depth.size_wh, errors.relative)); }
   const sun = new three.DirectionalLight(0xffffff, 1.6);
   sun.position.set(0.5, 1, 1);
   eye.add(sun);
@@ -53,7 +58,7 @@ async function openScene(host, text, camera, items, links) {
     stage.draw();
   });
   const back = button("photo's camera", stage.home);
-  const key = el("span", { class: "scene-key", hidden: !items.length }, ["tp", "fp"].map((layer) => el("span", {}, [
+  const key = el("span", { class: "scene-key" }, (items.length ? ["tp", "fp"] : []).map((layer) => el("span", {}, [
     el("span", { class: "key k-" + layer }), " " + WORDS[layer] + " "])));
   pickable(three, canvas, eye, bodies, links);
   links.listen((lit) => { state.lit = lit; stage.draw(); });

@@ -1,0 +1,200 @@
+/* A selection of photos, scored as the evaluator scores all of them: from every prediction's outcome
+   at every size and threshold, accumulated by category in falling order of score. */
+
+import { save } from "./chart.js";
+import { button, counted, el, fixed } from "./elements.js";
+import { here, moveTo } from "./place.js";
+
+const DECODED = new Map();
+const USUAL_CONFIDENCE = 0.3;
+const RECALLS = 101;
+const [DRAWS, AP_DRAWS, MOST_STEPS] = [1000, 200, 4e7];
+
+function numbers32(text, kind) { return new kind(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer); }
+
+/** The outcomes of a side, decoded once.
+ * @param {PageSection} section
+ * @returns {any} */
+export function matchesOf(section, k) {
+  const key = section.key + " " + k;
+  if (DECODED.has(key)) { return DECODED.get(key); }
+  const side = section.cohorts.sides[k];
+  const made = { score: numbers32(side.score, Float32Array), state: numbers32(side.state, Uint8Array) };
+  ["image", "category", "truth_image", "truth_category", "n_truths"].forEach((name) => { made[name] = numbers32(side[name], Uint32Array); });
+  const starts = new Uint32Array(section.cohorts.categories.length + 1);
+  made.category.forEach((c) => { starts[c + 1] += 1; });
+  for (let c = 1; c < starts.length; c += 1) { starts[c] += starts[c - 1]; }
+  DECODED.set(key, Object.assign(made, { starts }));
+  return made;
+}
+
+/* Below it nothing is drawn or counted: what the address says, else what suits ranked predictions. */
+export function confidenceOf(section, place = here()) {
+  if (!section.cohorts || !section.cohorts.sides.some((s) => s.ranked)) { return 0; }
+  return place.conf === "" || place.conf === undefined ? USUAL_CONFIDENCE : Number(place.conf);
+}
+
+/* Of each side; one whose predictions are all as confident has none. */
+export function leastOf(section) {
+  return section.cohorts ? section.cohorts.sides.map((side) => side.ranked ? confidenceOf(section) : 0) : [];
+}
+
+function outcomeAt({ areas, thresholds }, state, d, a, t) {
+  const at = a * thresholds + t;
+  return state[d * Math.ceil(areas.length * thresholds / 4) + (at >> 2)] >> 2 * (at & 3) & 3;
+}
+
+/* True, false and scored objects of each image at IoU 0.5, of predictions at a confidence or above. */
+export function countsOf(section, k, { area = 0, category = -1, conf = 0 }) {
+  const [of, m] = [section.cohorts, matchesOf(section, k)];
+  const [tp, fp, n] = [0, 1, 2].map(() => new Float64Array(of.images.length));
+  const least = of.sides[k].ranked ? Math.fround(conf) : -Infinity;
+  m.image.forEach((i, d) => {
+    if (m.score[d] < least || (category >= 0 && m.category[d] !== category)) { return; }
+    const outcome = outcomeAt(of, m.state, d, area, of.half);
+    if (outcome < 2) { (outcome ? tp : fp)[i] += 1; }
+  });
+  const cells = m.truth_image.length;
+  for (let c = 0; c < cells; c += 1) {
+    if (category < 0 || m.truth_category[c] === category) { n[m.truth_image[c]] += m.n_truths[area * cells + c]; }
+  }
+  return { tp, fp, n };
+}
+
+/* AP and AP50 with image i counted weights[i] times; null where no object is scored. */
+export function apOf(section, k, weights, { area = 0, category = -1 }) {
+  const [of, m] = [section.cohorts, matchesOf(section, k)];
+  const cells = m.truth_image.length;
+  const n = new Float64Array(of.categories.length);
+  for (let c = 0; c < cells; c += 1) { n[m.truth_category[c]] += weights[m.truth_image[c]] * m.n_truths[area * cells + c]; }
+  let [sum, half, many] = [0, 0, 0];
+  for (let c = 0; c < n.length; c += 1) {
+    if (!n[c] || (category >= 0 && c !== category)) { continue; }
+    many += 1;
+    for (let t = 0; t < of.thresholds; t += 1) {
+      const ap = averagePrecision(of, m, weights, area, t, m.starts[c], m.starts[c + 1], n[c]);
+      sum += ap / of.thresholds;
+      if (t === of.half) { half += ap; }
+    }
+  }
+  return many ? { ap: sum / many, ap50: half / many } : { ap: null, ap50: null };
+}
+
+function averagePrecision(of, m, weights, area, t, from, to, n) {
+  const [recall, precision] = [[], []];
+  let [tp, fp] = [0, 0];
+  for (let d = from; d < to; d += 1) {
+    const w = weights[m.image[d]];
+    const outcome = w ? outcomeAt(of, m.state, d, area, t) : 2;
+    if (outcome === 2) { continue; }
+    if (outcome) { tp += w; } else { fp += w; }
+    recall.push(tp / n);
+    precision.push(tp / (tp + fp + Number.EPSILON));
+  }
+  for (let i = precision.length - 2; i >= 0; i -= 1) { precision[i] = Math.max(precision[i], precision[i + 1]); }
+  let [sum, at] = [0, 0];
+  for (let r = 0; r < RECALLS; r += 1) {
+    const wanted = r === RECALLS - 1 ? 1 : r * 0.01;
+    while (at < recall.length && recall[at] < wanted) { at += 1; }
+    if (at === recall.length) { break; }
+    sum += precision[at];
+  }
+  return sum / RECALLS;
+}
+
+/* mulberry32: the same draws every time. */
+function randomFrom(seed) {
+  let a = seed;
+  return () => {
+    a = a + 0x6D2B79F5 | 0;
+    let t = Math.imul(a ^ a >>> 15, 1 | a);
+    t = t + Math.imul(t ^ t >>> 7, 61 | t) ^ t;
+    return ((t ^ t >>> 14) >>> 0) / 4294967296;
+  };
+}
+
+function ends(values) {
+  const known = values.filter((v) => v !== null).sort((a, b) => a - b);
+  const at = (q) => known[Math.min(Math.floor(q * known.length), known.length - 1)];
+  return known.length ? [at(0.025), at(0.975)] : [null, null];
+}
+
+function bootstrap(places, n, draws, value) {
+  const random = randomFrom(1);
+  return ends(Array.from({ length: draws }, () => {
+    const weights = new Float64Array(n);
+    places.forEach(() => { weights[places[Math.floor(random() * places.length)]] += 1; });
+    return value(weights);
+  }));
+}
+
+/* Every number of a selection with its interval over images. */
+export function rescored(section, k, rows, choice) {
+  const of = section.cohorts;
+  const placeOf = new Map(of.images.map(([id], i) => [id, i]));
+  const places = rows.map((row) => placeOf.get(row.id)).filter((i) => i !== undefined);
+  const { tp, fp, n } = countsOf(section, k, choice);
+  const sums = (weights) => [tp, fp, n].map((of_images) => places.reduce((sum, i) => sum + weights[i] * of_images[i], 0));
+  const ratio = (part, whole) => whole ? part / whole : null;
+  const once = new Float64Array(of.images.length);
+  places.forEach((i) => { once[i] = 1; });
+  const [found, wrong, objects] = sums(once);
+  const unique = Array.from(new Set(places));
+  const few = unique.length < 2;
+  const steps = matchesOf(section, k).image.length * of.thresholds * AP_DRAWS;
+  const drawn = (draws, value) => few ? [null, null] : bootstrap(unique, of.images.length, draws, value);
+  const { ap, ap50 } = apOf(section, k, once, choice);
+  return { tp: found, fp: wrong, missed: objects - found, objects, ap, ap50,
+    precision: ratio(found, found + wrong), recall: ratio(found, objects),
+    ap_ends: steps > MOST_STEPS ? [null, null] : drawn(AP_DRAWS, (w) => apOf(section, k, w, choice).ap),
+    precision_ends: drawn(DRAWS, (w) => { const [a, b] = [countAll(tp, w, unique), countAll(fp, w, unique)]; return ratio(a, a + b); }),
+    recall_ends: drawn(DRAWS, (w) => ratio(countAll(tp, w, unique), countAll(n, w, unique))) };
+}
+
+function countAll(of_images, weights, places) { return places.reduce((sum, i) => sum + weights[i] * of_images[i], 0); }
+
+/* What the address selects of a section's matches. */
+export function choiceOf(section, place) {
+  const of = section.cohorts;
+  return { area: Math.max(of.areas.indexOf(place.size), 0), conf: confidenceOf(section, place),
+    category: place.cat ? of.categories.findIndex(([id]) => String(id) === place.cat) : -1 };
+}
+
+/** A line of numbers for each side, and the selection as a track.
+ * @param {PageSection} section */
+export function cohortLines(section, rows, place) {
+  const choice = choiceOf(section, place);
+  const many = section.sides.length > 1;
+  const lines = section.sides.map((side, k) => {
+    const found = rescored(section, k, rows, choice);
+    const span = (name, value, between) => [name + " ", el("b", { "data-number": name, "data-value": value }, [fixed(value)]),
+      between && between[0] !== null ? " [" + fixed(between[0]) + ", " + fixed(between[1]) + "]" : ""];
+    return el("p", { class: "cohort-line", "data-side": k }, [many ? el("b", {}, [side.label + ": "]) : null,
+      ...span("AP", found.ap, found.ap_ends), ", ", ...span("AP50", found.ap50), "; ",
+      ...span("precision", found.precision, found.precision_ends), " and ", ...span("recall", found.recall, found.recall_ends),
+      ": " + found.tp + " of " + counted(found.objects, "object", "objects") + " found, " + counted(found.fp, "false positive", "false positives")]);
+  });
+  const what = counted(rows.length, "photo", "photos") + (choice.category < 0 ? "" : ", " + section.cohorts.categories[choice.category][1]) +
+    (choice.area ? ", " + place.size : "") + (choice.conf ? "; counts at confidence " + choice.conf + " or above, IoU 0.5" : "; counts at IoU 0.5");
+  return [...lines, el("p", { class: "sub" }, [what + ". 95 % intervals over photos. ",
+    button("save as a track", () => save(section.task + "-selection.json", "application/json", JSON.stringify(trackOf(section, rows))))])];
+}
+
+/* The public half of the selection, as `legoworld readout --track` takes it. */
+function trackOf(section, rows) {
+  const sizes = new Map(section.cohorts.images.map(([id, width, height]) => [id, { width, height }]));
+  return { info: { task: section.task }, images: rows.map((row) => ({ id: row.id, file_name: row.file_name, ...sizes.get(row.id) })),
+    categories: section.cohorts.categories.map(([id, name]) => ({ id, name })) };
+}
+
+/** Where predictions begin to count.
+ * @param {PageSection} section */
+export function confidenceSlider(section) {
+  const conf = confidenceOf(section);
+  const scores = section.cohorts.sides.flatMap((side, k) => side.ranked ? [matchesOf(section, k).score] : []);
+  const shown = scores.reduce((sum, s) => sum + s.filter((v) => v >= Math.fround(conf)).length, 0);
+  const all = scores.reduce((sum, s) => sum + s.length, 0);
+  return el("label", { class: "confidence" }, ["confidence ", el("input", { type: "range", min: 0, max: 1, step: 0.05, value: conf, "data-keep": "conf",
+    onchange: (event) => moveTo({ conf: event.target.value }) }), el("span", { class: "over" }, [" " + conf.toFixed(2) + " or above: " +
+    shown.toLocaleString("en") + " of " + counted(all, "prediction", "predictions")])]);
+}
