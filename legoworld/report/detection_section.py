@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.report_page import (
     DetectionAnswer,
     DetectionCell,
@@ -17,9 +19,9 @@ from legoworld.records.report_page import (
 )
 from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
-from legoworld.report.costs import side_costs
+from legoworld.report.costs import Finding, Findings, side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
-from legoworld.report.error_kinds import KINDS
+from legoworld.report.error_kinds import FOREGROUND_IOU, KINDS
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.first_screen import first_screen
 from legoworld.report.mended_ap import MendedAp, errors_of
@@ -30,6 +32,16 @@ from legoworld.report.shapes import drawn_predictions, drawn_truths
 from legoworld.report.sources import Section
 from legoworld.report.tables import category_lines, category_table
 from legoworld.report.tie_picture import tie_pictures
+
+#: An error of a kind, in words; {0} is the category.
+_WORDS: Final = {
+    "classification": "{0}: taken for another category",
+    "localisation": "{0}: overlaps too little",
+    "both": "{0}: wrong category and place",
+    "duplicate": "{0}: an object predicted twice",
+    "background": "{0}: nothing annotated there",
+    "missed": "{0} missed",
+}
 
 
 @dataclass(kw_only=True)
@@ -82,7 +94,7 @@ def detection_section(
     categories = category_lines(sides)
     return replace(
         made,
-        first=first_screen(section, side_costs([e.mended for e in errors], names)),
+        first=first_screen(section, side_costs([_findings(e.mended, names) for e in errors])),
         ties=tuple(picture for side in sides for picture in tie_pictures(side)),
         categories=tuple(categories),
         category_table=category_table(section.key, sides, categories),
@@ -93,6 +105,35 @@ def detection_section(
             precision_recall=tuple(curve for side in sides for curve in precision_recall(side)),
             iou=tuple(e.iou.histogram(s.name) for s, e in zip(sides, errors, strict=True)),
         ),
+    )
+
+
+def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
+    """One side's errors by kind and category, with what mending them gains."""
+    costs, side = mended.costs(), mended.side
+    attempted = side.summary.coverage.attempted
+    found = {
+        (kind, category): Finding(
+            text=_WORDS[kind].format(names[category]),
+            gain=gain,
+            images=mended.found[kind, category],
+            category=category,
+            listed=kind,
+        )
+        for (kind, category), gain in costs.gain.items()
+    }
+    n = sum(map(len, mended.found.values()))
+    return Findings(
+        label=side.name,
+        metric="AP",
+        over=f"all {plural(attempted, 'image', 'images')} attempted",
+        found=found,
+        attempted=attempted,
+        noun="scene" if side.is_scene else "answer",
+        failed=mended.failed,
+        value=costs.ap,
+        answered=costs.ap_scored,
+        errors=f"of {plural(n, 'error', 'errors')} at IoU {FOREGROUND_IOU}",
     )
 
 

@@ -309,10 +309,14 @@ def test_the_leaderboard_losses_and_tiers(document: PageDocument, evaluations: l
     assert section.bench is not None
     assert [row.agent for row in section.bench.board.rows] == ["two", "one"]
     summary = json.loads((evaluations[0] / "summary.json").read_text())
-    loss = section.bench.losses[0]
-    assert loss.lost == pytest.approx(1 - summary["metrics"]["R"]["value"])
-    assert loss.not_valid == pytest.approx(2 / 8)
-    assert loss.lost == pytest.approx(loss.not_valid + sum(c.lost for c in loss.most))
+    of_r, perfect, of_a, _ = section.first.costs
+    failed, balls = of_r.most
+    means = {name: mean["value"] for name, mean in summary["metrics"].items()}
+    assert (failed.n, failed.gain) == (2, pytest.approx(means["R_valid"] - means["R"]))
+    assert means["R"] + 2 / 8 + balls.gain == pytest.approx(1)
+    assert balls.text.startswith("ball: ")
+    assert means["A"] + 2 / 8 + sum(c.gain for c in of_a.most[1:]) == pytest.approx(1)
+    assert perfect.most == ()
     bars = {(b.label, b.metric): b for b in section.bench.tiers}
     assert bars["one", "S"].tiers == ("easy", "hard")
     assert {label for label, _ in bars} == {"one", "two"}
