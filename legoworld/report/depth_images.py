@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.cards import load_card
+from legoworld.evaluation.depth.alignment import aligned_z
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.depth.scoring import score_image, valid_truth
+from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
 from legoworld.evaluation.pixels.resampling import sampler
 from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records.depth import ScoredDepthRow
@@ -102,14 +103,29 @@ class MendedDepth:
         known = valid_truth(truth)
         self.truth = np.where(known, truth, np.nan)[..., None]
         self.predicted = np.where(known & np.isfinite(aligned), aligned, np.nan)[..., None]
-        self.errors = np.abs(self.predicted - self.truth)[..., 0] / self.truth[..., 0]
+        self.errors = self.errors_of(self.predicted)
 
     def score(self, predicted: NDArray[Any]) -> float:
         """AbsRel under error_1."""
+        found = self._scored(predicted)
+        return found.metrics["abs_rel"]["error_1"] if found.metrics else 1.0
+
+    def _scored(self, predicted: NDArray[Any]) -> ImageScore:
         array = DepthArray(values=predicted[..., 0], space="depth", unit="m", intrinsics_px=None)
         sample = sampler(array, self._size_wh)
-        found = score_image(self.truth[..., 0], sample, self._protocol)
-        return found.metrics["abs_rel"]["error_1"] if found.metrics else 1.0
+        return score_image(self.truth[..., 0], sample, self._protocol)
+
+    def without(self, region: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Aligned by the fit of the other pixels."""
+        found = self._scored(np.where(region[..., None], np.nan, self.predicted))
+        if found.fit is None:
+            return self.predicted
+        return aligned_z(1 / self.predicted, found.fit, 1 / found.deepest_z_m)[0]
+
+    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+        """Relative."""
+        errors: NDArray[np.float64] = (np.abs(predicted - self.truth) / self.truth)[..., 0]
+        return errors
 
     def say(self, region: NDArray[np.bool_]) -> str:
         """How far it is off at the median."""

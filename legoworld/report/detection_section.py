@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -19,12 +19,12 @@ from legoworld.records.report_page import (
 )
 from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
-from legoworld.report.costs import Finding, Findings, side_costs
+from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
 from legoworld.report.error_kinds import FOREGROUND_IOU, KINDS
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.first_screen import first_screen
-from legoworld.report.mended_ap import MendedAp, errors_of
+from legoworld.report.mended_ap import CAMERA, MendedAp, errors_of
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.plots import IouCounts, precision_recall
@@ -32,6 +32,7 @@ from legoworld.report.shapes import drawn_predictions, drawn_truths
 from legoworld.report.sources import Section
 from legoworld.report.tables import category_lines, category_table
 from legoworld.report.tie_picture import tie_pictures
+from legoworld.report.tried import Shifted, common_shift
 
 #: An error of a kind, in words; {0} is the category.
 _WORDS: Final = {
@@ -41,6 +42,7 @@ _WORDS: Final = {
     "duplicate": "{0}: an object predicted twice",
     "background": "{0}: nothing annotated there",
     "missed": "{0} missed",
+    CAMERA[0]: "everything is displaced by the same pixels: the camera",
 }
 
 
@@ -53,9 +55,9 @@ class _SideErrors:
     reached: int = 0
     iou: IouCounts = field(default_factory=IouCounts)
 
-    def add(self, image: DetectionImage, side: SideImage) -> None:
+    def add(self, image: DetectionImage, side: SideImage, shifted: Shifted | None) -> None:
         self.by_image[image.image.id] = list(_errors(image, side))
-        self.mended.add(image, side)
+        self.mended.add(image, side, shifted)
         self.reached += side.errors.truth.count("reached")
         self.iou.add(side)
 
@@ -82,15 +84,16 @@ def detection_section(
     used: set[int] = set()
     errors = [_SideErrors(mended=MendedAp(side=side)) for side in sides]
     for image in detection_images(sides):
-        view = _view(section, image, names, document, places)
+        shifts = [common_shift(section.task, image, side) for side in image.sides]
+        view = _view(section, image, shifts, names, document, places)
         # Lowest quality of the first side first; neither truth nor a false prediction last.
         quality = image.sides[0].quality
         row = _row(image, view, len(document.views))
         rows.append((math.inf if quality is None else quality, row))
         document.views.append(view)
         used |= view.categories
-        for of_side, side in zip(errors, image.sides, strict=True):
-            of_side.add(image, side)
+        for of_side, side, shifted in zip(errors, image.sides, shifts, strict=True):
+            of_side.add(image, side, shifted)
     categories = category_lines(sides)
     return replace(
         made,
@@ -112,17 +115,17 @@ def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
     """One side's errors by kind and category, with what mending them gains."""
     costs, side = mended.costs(), mended.side
     attempted = side.summary.coverage.attempted
-    found = {
+    found: dict[Key, Finding] = {
         (kind, category): Finding(
-            text=_WORDS[kind].format(names[category]),
+            text=_WORDS[kind].format(names.get(category)),
             gain=gain,
             images=mended.found[kind, category],
-            category=category,
-            listed=kind,
+            category=None if kind == CAMERA[0] else category,
+            listed="" if kind == CAMERA[0] else kind,
         )
         for (kind, category), gain in costs.gain.items()
     }
-    n = sum(map(len, mended.found.values()))
+    n = sum(len(images) for key, images in mended.found.items() if key != CAMERA)
     return Findings(
         label=side.name,
         metric="AP",
@@ -150,6 +153,7 @@ def _errors(image: DetectionImage, side: SideImage) -> Iterator[tuple[str, int]]
 def _view(
     section: Section,
     image: DetectionImage,
+    shifts: Sequence[Shifted | None],
     names: Mapping[int, str],
     document: PageDocument,
     places: Photos,
@@ -166,8 +170,8 @@ def _view(
         said=said,
         truths=tuple(drawn_truths(section.task, image)),
         sides=tuple(
-            _answer(section.task, image, side, answer, names, document)
-            for side, answer in zip(section.sides, image.sides, strict=True)
+            _answer(section.task, image, side, answer, shifted, names, document)
+            for side, answer, shifted in zip(section.sides, image.sides, shifts, strict=True)
         ),
     )
 
@@ -177,6 +181,7 @@ def _answer(
     image: DetectionImage,
     side: StoredEvaluation,
     answer: SideImage,
+    shifted: Shifted | None,
     names: Mapping[int, str],
     document: PageDocument,
 ) -> DetectionAnswer:
@@ -185,7 +190,7 @@ def _answer(
         status=answer.run_row.status,
         facts=tuple(run_facts(answer.run_row, answer.scene)),
         tables=tuple(run_tables(answer.run_row)),
-        advice=detection_advice(task, image, answer, names, scene=side.is_scene),
+        advice=detection_advice(task, image, answer, names, shifted, scene=side.is_scene),
         predictions=tuple(drawn_predictions(task, image, answer)),
         truth=answer.errors.truth,
         scene=document.scenes.page_scene(answer.scene, answer.run_row) if side.is_scene else None,

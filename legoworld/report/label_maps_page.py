@@ -29,7 +29,7 @@ from legoworld.records.report_page import (
 )
 from legoworld.records.report_tables import PageSection
 from legoworld.report.advice import failure_advice, sorted_advice
-from legoworld.report.costs import Finding, Findings, side_costs
+from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.family import PageFamily
 from legoworld.report.first_screen import first_screen
@@ -99,7 +99,8 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
 
     ids = present_categories(rows)
     sums, of_answered = total_sums(rows, ids), total_sums(answered, ids)
-    before, found = value(sums, ids), {}
+    found: dict[Key, Finding] = {}
+    before = value(sums, ids)
     for k, category in enumerate(ids):
         for kind, mend in mends.items():
             change = np.array(mend.mended(of_answered[k])) - of_answered[k]
@@ -164,8 +165,8 @@ def _fill(
         document.views.append(_view(page, image))
     names = {str(c.id): c.name for s in section.sides for c in _summary(s).categories}
     costs = side_costs([_findings(family, mends, side) for side in section.sides])
-    first = first_screen(section, costs)
-    return replace(made, first=first, images=in_order(rows), names=names)
+    screen = first_screen(section, costs)
+    return replace(made, first=screen, images=in_order(rows), names=names)
 
 
 def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:

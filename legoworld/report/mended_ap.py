@@ -30,10 +30,15 @@ from legoworld.evaluation.detection.ranking.accumulation import precision_at_rec
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.sources import ReportInputError
+from legoworld.report.tried import Shifted
 
 #: An error kind and the category id it is told of: the object's where one is meant, else the
 #: prediction's.
 ErrorKey = tuple[str, int]
+#: Truths, and the IoU with each.
+Overlaps = tuple[tuple[int, float], ...]
+#: The photos in which everything is displaced by the same pixels.
+CAMERA: Final[ErrorKey] = ("camera", -1)
 _REMOVED: Final = ("background", "both", "duplicate")
 #: The evaluator adds the same numbers in another order.
 _ROUNDING: Final = 1e-9
@@ -58,7 +63,7 @@ class _Extra:
     image: int
     score: float
     order: int
-    overlaps: tuple[tuple[int, float], ...]
+    overlaps: Overlaps
 
 
 @dataclass(kw_only=True)
@@ -77,11 +82,14 @@ class MendedAp:
     _moved: dict[ErrorKey, list[tuple[int, int, float]]] = field(
         default_factory=lambda: defaultdict(list)
     )
+    _shifted: dict[int, list[tuple[int, tuple[tuple[int, float], ...]]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
     _missed: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
     _n_truths: int = 0
 
-    def add(self, image: DetectionImage, answer: SideImage) -> None:
-        """Take an image's overlaps and its errors."""
+    def add(self, image: DetectionImage, answer: SideImage, shifted: Shifted | None = None) -> None:
+        """Take an image's overlaps and its errors. shifted: its predictions with another camera."""
         errors, first = answer.errors, self._n_truths
         at = np.full(len(image.truths), image.image.id, np.int64)
         categories = np.array([t.category_id for t in image.truths], np.int64)
@@ -102,6 +110,12 @@ class MendedAp:
             self._entries[key].append(place)
             if about is not None and errors.truth[about] != "found":
                 self._moved[key].append((place, first + about, iou))
+        if shifted is not None:
+            self.found[CAMERA].append(image.image.id)
+            for place, category, iou in zip(answer.places, mine, shifted.iou, strict=True):
+                t = np.flatnonzero((categories == category) & (iou > 0))
+                found = zip((first + t).tolist(), iou[t].tolist(), strict=True)
+                self._shifted[int(category)].append((place, tuple(found)))
         for t, state in enumerate(errors.truth):
             if state == "missed":
                 category = image.truths[t].category_id
@@ -191,7 +205,15 @@ class _Mender:
             ]
             k = self._position(category)
             gain["missed", category] = self._matched_again(k, (), found) / n_categories
+        if given._shifted:
+            gain[CAMERA] = sum(map(self._with_camera, given._shifted)) / n_categories
         return gain
+
+    def _with_camera(self, category: int) -> float:
+        """What a category gains where the photos with a better camera have it."""
+        seen = [one for one in self._given._shifted[category] if one[0] in self._row]
+        moved = [self._extra(entry, overlaps) for entry, overlaps in seen]
+        return self._matched_again(self._position(category), [e for e, _ in seen], moved)
 
     def mean(self, values: Sequence[float | None]) -> float | None:
         """Over the categories that have truth."""

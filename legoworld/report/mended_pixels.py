@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any, Final, Protocol, cast
 
 import cv2
@@ -17,6 +17,7 @@ from legoworld.records.base import UNSET
 from legoworld.records.pixels import PixelRow, PixelSummary
 from legoworld.report.costs import Finding, Findings, Key
 from legoworld.report.scene_objects import Objects
+from legoworld.report.tried import shift_words
 
 Mask = NDArray[np.bool_]
 F32 = NDArray[np.float32]
@@ -51,6 +52,14 @@ class PixelMending(Protocol):
 
     def score(self, predicted: NDArray[Any]) -> float:
         """The metric of this photo with other predictions, by its family's own measuring."""
+        ...
+
+    def without(self, region: Mask) -> NDArray[Any]:
+        """The predictions as they are measured where a region has no say in it."""
+        ...
+
+    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+        """(H, W) of other predictions."""
         ...
 
     def say(self, region: Mask) -> str:
@@ -91,10 +100,9 @@ def photo_mended(mending: Mending, task: str, view: Any, objects: Objects | None
     of = mending.of(task, view)
     base = of.score(of.predicted)
     found: Regions = {}
-    for name, region in _regions(of.errors, mending.far, objects):
-        gain = base - of.score(np.where(region[..., None], of.truth, of.predicted))
-        known = np.count_nonzero(np.isfinite(of.errors))
-        share = np.count_nonzero(region) / known
+    for name, region in _regions(of, mending.far, objects):
+        gain = base - of.score(np.where(region[..., None], of.truth, of.without(region)))
+        share = np.count_nonzero(region) / np.count_nonzero(np.isfinite(of.errors))
         where = name or f"the region {_where(region)}"
         found["region", name] = Region(
             gain=gain, text=f"{where}, {share:.0%} of it, is {of.say(region)}"
@@ -102,21 +110,31 @@ def photo_mended(mending: Mending, task: str, view: Any, objects: Objects | None
     whole = float(np.nansum(of.errors)) / np.count_nonzero(np.isfinite(of.truth[..., 0]))
     if max((one.gain for one in found.values()), default=0.0) >= _EXPLAINS * whole:
         return found
-    shifted = shift(of)
+    shifted = shift(of, mending.hole)
     if shifted is None:
         return {**found, ("photo", ""): Region(gain=whole, text="wrong as a whole")}
-    x, y, after = shifted
-    words = f"fits better {_pixels(x, y, view.image_wh[0] / view.size_wh[0])}"
+    x, y, before, after = shifted
+    words = f"fits better {shift_words(x, y, view.image_wh[0] / view.size_wh[0])}"
     return {
         **found,
         ("camera", ""): Region(
-            gain=base - after, text=f"{words} ({base:.3f} to {after:.3f}): turn or move the camera"
+            gain=before - after,
+            text=f"{words} ({before:.3f} to {after:.3f}): turn or move the camera",
         ),
     }
 
 
-def shift(of: PixelMending) -> tuple[int, int, float] | None:
-    """The shift right and down that was tried and scores much better, and its score."""
+def shift(of: PixelMending, hole: float) -> tuple[int, int, float, float] | None:
+    """The shift right and down that was tried and scores much better; scores before and after.
+
+    Both are over the pixels that have a prediction.
+    """
+
+    def score(predicted: NDArray[Any]) -> float:
+        n = np.count_nonzero(np.isfinite(of.truth[..., 0]))
+        holes = n - np.count_nonzero(np.isfinite(predicted + of.truth)[..., 0])
+        return (of.score(predicted) * n - hole * holes) / (n - holes) if n > holes else math.inf
+
     flat = _filled(of.predicted), _filled(of.truth)
     step = -(-max(flat[0].shape) // _COARSE_PX)
     thin = flat[0][::step, ::step], flat[1][::step, ::step]
@@ -127,12 +145,8 @@ def shift(of: PixelMending) -> tuple[int, int, float] | None:
     moved = np.full_like(of.predicted, np.nan)
     to, source = (_overlap((height, width), (sign * down, sign * right)) for sign in (1, -1))
     moved[to] = of.predicted[source]
-    # What comes into the picture is not known: nothing is said of its error.
-    known = np.isfinite(moved[..., 0])
-    after = of.score(np.where(known[..., None], moved, of.truth))
-    after *= known.size / max(1, np.count_nonzero(known))
-    far = (down or right) and after < _LEFT * of.score(of.predicted)
-    return (right, down, after) if far else None
+    before, after = score(of.predicted), score(moved)
+    return (right, down, before, after) if after < _LEFT * before else None
 
 
 def _alike(pair: tuple[F32, F32], about: tuple[int, int], most: Sequence[int]) -> tuple[int, int]:
@@ -148,7 +162,8 @@ def _alike(pair: tuple[F32, F32], about: tuple[int, int], most: Sequence[int]) -
         )
 
     reach = [range(at - n, at + n + 1) for at, n in zip(about, most, strict=True)]
-    return max(product(*reach), key=lambda by: (likeness(by), -abs(by[0]) - abs(by[1])))
+    shifts = [(down, right) for down in reach[0] for right in reach[1]]
+    return max(shifts, key=lambda by: (likeness(by), -abs(by[0]) - abs(by[1])))
 
 
 def _overlap(shape: tuple[int, ...], by: tuple[int, int]) -> tuple[slice, slice]:
@@ -164,29 +179,32 @@ def _filled(values: NDArray[Any]) -> F32:
     return np.where(np.isfinite(one), one, np.float32(np.nanmedian(one)))
 
 
-def _pixels(right: int, down: int, scale: float) -> str:
-    """A shift in words, in pixels of the photo."""
-    ways = (right, "right", "left"), (down, "down", "up")
-    said = (f"{abs(n) * scale:.0f} px {more if n > 0 else less}" for n, more, less in ways if n)
-    return " and ".join(said)
-
-
-def _regions(
-    errors: NDArray[np.float64], far: float, objects: Objects | None
-) -> Iterator[tuple[str, Mask]]:
+def _regions(of: PixelMending, far: float, objects: Objects | None) -> Iterator[tuple[str, Mask]]:
     """The regions of a photo with the most error, each with its name."""
-    if objects is None:
-        limit = max(far, _FAR * float(np.nanmedian(errors)))
-        off = (np.nan_to_num(errors) > limit).astype(np.uint8)
-        n, place = cv2.connectedComponents(off)
-        names, labels = [""] * (n - 1), place.astype(np.int64) - 1
-    else:
-        names, labels = [*objects[0]], objects[1]
+    if objects is not None:
+        yield from _largest(of.errors, *objects, most=_REGIONS)
+        return
+    off = list(_largest(of.errors, *_off(of.errors, far), most=1))
+    if off:  # measured without it, it is found whole
+        errors = of.errors_of(of.without(off[0][1]))
+        yield from _largest(errors, *_off(errors, far), most=1)
+
+
+def _off(errors: NDArray[np.float64], far: float) -> Objects:
+    """Pixels that hang together and are far off, without names."""
+    limit = max(far, _FAR * float(np.nanmedian(errors)))
+    n, place = cv2.connectedComponents((np.nan_to_num(errors) > limit).astype(np.uint8))
+    return ("",) * (n - 1), place.astype(np.int64) - 1
+
+
+def _largest(
+    errors: NDArray[np.float64], names: Sequence[str], labels: NDArray[np.int64], most: int
+) -> Iterator[tuple[str, Mask]]:
     known = np.isfinite(errors) & (labels >= 0)
     pixels = np.bincount(labels[known], minlength=len(names))
     total = np.bincount(labels[known], errors[known], minlength=len(names))
     large = pixels >= _SMALLEST * errors.size
-    for k in np.argsort(-np.where(large, total, 0.0), kind="stable")[: _REGIONS if objects else 1]:
+    for k in np.argsort(-np.where(large, total, 0.0), kind="stable")[:most]:
         if large[k]:
             yield names[k], known & (labels == k)
 
@@ -214,7 +232,7 @@ def pixel_findings(
     holes = {r.image_id: r.hole_share for r in scored if r.hole_share is not UNSET and r.hole_share}
     if holes:
         share = sum(holes.values()) / len(scored)
-        worst = sorted(holes, key=lambda i: (-cast("float", holes[i]), i))
+        worst = sorted(holes, key=lambda i: (-holes[i], i))
         found["holes", ""] = Finding(
             text=f"holes: {share:.1%} of the measured pixels have nothing, each an error of "
             f"{mending.hole:g}{mending.unit}",

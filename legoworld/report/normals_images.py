@@ -81,7 +81,7 @@ class MendedNormals:
         self.truth = np.where(known[..., None], self.truth, np.nan)
         predicted = decode_array(view.predicted, view.size_wh, _CHANNELS)
         self.predicted = np.where(known[..., None], predicted, np.nan)
-        self.errors = _errors_deg(self.predicted, self.truth)
+        self.errors = self.errors_of(self.predicted)
         self._n = int(known.sum())
 
     def score(self, predicted: NDArray[Any]) -> float:
@@ -89,6 +89,14 @@ class MendedNormals:
         sample = sampler(NormalsArray(values=predicted, sign=TOWARDS), self._size_wh)
         errors = angular_errors(self.truth, sample, self._n)
         return float(errors.sum() + HOLE_DEG * (self._n - len(errors))) / self._n
+
+    def without(self, _region: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """The same: each pixel is measured alone."""
+        return self.predicted
+
+    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+        """In degrees."""
+        return _errors_deg(predicted, self.truth)
 
     def say(self, region: NDArray[np.bool_]) -> str:
         """How far it is off at the median."""
