@@ -112,10 +112,10 @@ class MendedAp:
                 self._moved[key].append((place, first + about, iou))
         if shifted is not None:
             self.found[CAMERA].append(image.image.id)
-            for place, category, iou in zip(answer.places, mine, shifted.iou, strict=True):
-                t = np.flatnonzero((categories == category) & (iou > 0))
-                found = zip((first + t).tolist(), iou[t].tolist(), strict=True)
-                self._shifted[int(category)].append((place, tuple(found)))
+            for place, entry, iou in zip(answer.places, answer.entries, shifted.iou, strict=True):
+                met = np.flatnonzero((categories == entry.category_id) & (iou > 0))
+                overlaps = zip((first + met).tolist(), iou[met].tolist(), strict=True)
+                self._shifted[entry.category_id].append((place, tuple(overlaps)))
         for t, state in enumerate(errors.truth):
             if state == "missed":
                 category = image.truths[t].category_id

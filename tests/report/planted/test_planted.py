@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from report.planted.arrays import PLANTS as ARRAYS
-from report.planted.detections import PLANTS as DETECTIONS
 from report.planted.plant import Plant, check
+from report.planted.table import PLANTS
 
-PLANTS = (*DETECTIONS, *ARRAYS)
+#: No seed that anything was developed with; `python -m report.planted` draws others.
+SEED = 20261126
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda p: p.id)
-@pytest.mark.parametrize("seed", range(2))
-def test_a_planted_fault_is_named_with_its_size(plant: Plant, seed: int, tmp_path: Path) -> None:
-    number = PLANTS.index(plant)
-    check(plant.make(tmp_path, np.random.default_rng((seed, number))))
+def test_a_planted_fault_is_named_with_its_size(plant: Plant, tmp_path: Path) -> None:
+    check(plant.make(tmp_path, np.random.default_rng((SEED, PLANTS.index(plant)))))
