@@ -106,7 +106,7 @@ MOST_LINES = {
     "plugin": 6200,
     "readouts": 3200,
     "records": 7900,
-    "report": 5800,
+    "report": 6450,
     "running": 2800,
     "scene": 12350,
     "solids": 550,

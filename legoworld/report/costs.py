@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
 from legoworld.records.report_tables import Cost, SideCosts
 
@@ -37,22 +38,22 @@ class Finding:
 class Findings:
     """One side's metric and its findings. over: what the metric is a mean of.
 
-    value, answered: over all attempted images and over those with an answer, of which `failed` have
-    none; missing: how a failed image counts; least: a smaller gain is none; sign: -1 where lower
-    is better.
+    value, answered: over all attempted images and over those with an answer, which `failed` do not
+    have; missing: how a failed one counts; errors: how many there are in all; least: a smaller gain
+    is none; sign: -1 where lower is better.
     """
 
-    label: str
+    side: StoredEvaluation
     metric: str
     over: str
     found: Mapping[Key, Finding]
     attempted: int
-    noun: str = "answer"
-    images: str = "image"
-    failed: Sequence[int] = ()
-    value: float | None = None
-    answered: float | None = None
+    failed: int
+    value: float | None
+    answered: float | None
     missing: str = ""
+    noun: str = ""
+    images: str = "image"
     errors: str = ""
     least: float = 0.0005
     sign: int = 1
@@ -63,15 +64,14 @@ def side_costs(sides: Sequence[Findings]) -> tuple[SideCosts, ...]:
     shown = []
     for at, side in enumerate(sides):
         other = sides[1 - at].found if len(sides) == 2 else None
-        n_most = _MOST_OF_EACH if len(sides) > 1 else _MOST
-        most = [*_failed(side), *_costs(side, other, at)[:n_most]]
-        over = f"Change of {side.metric} over {side.over} where each alone is mended"
+        most = _costs(side, other, at)[: _MOST_OF_EACH if len(sides) > 1 else _MOST]
         shown.append(
             SideCosts(
-                label=side.label,
+                label=side.side.name,
                 metric=side.metric,
-                over=f"{over}{', ' if side.errors else ''}{side.errors}",
-                most=tuple(most),
+                over=f"Change of {side.metric} over {side.over} where each alone is mended"
+                f"{side.errors}",
+                most=(*_failed(side), *most),
             )
         )
     return tuple(shown)
@@ -79,18 +79,18 @@ def side_costs(sides: Sequence[Findings]) -> tuple[SideCosts, ...]:
 
 def _failed(side: Findings) -> Iterator[Cost]:
     """The images without an answer, where there are other ones: they come first."""
-    failed, have = len(side.failed), side.attempted - len(side.failed)
-    if not failed or side.value is None or side.answered is None:
+    have = side.attempted - side.failed
+    if not side.failed or side.value is None or side.answered is None:
         return
-    every = plural(side.attempted, side.images, f"{side.images}s")
+    noun = side.noun or ("scene" if side.side.is_scene else "answer")
     yield Cost(
         kind="failed",
         link="?tab=photos&kind=failed",
-        n=failed,
-        images=failed,
-        text=f"{failed} of {every} without {side.noun}{side.missing}: {side.metric} "
-        f"{side.value:.3f} over all {side.attempted}, {side.answered:.3f} over the {have} that "
-        f"{'has' if have == 1 else 'have'} one",
+        n=side.failed,
+        images=side.failed,
+        text=f"{side.failed} of {plural(side.attempted, side.images, f'{side.images}s')} without "
+        f"{noun}{side.missing}: {side.metric} {side.value:.3f} over all {side.attempted}, "
+        f"{side.answered:.3f} over the {have} that {'has' if have == 1 else 'have'} one",
         gain=side.answered - side.value,
         others=None,
     )

@@ -103,7 +103,6 @@ class MendedDepth:
         known = valid_truth(truth)
         self.truth = np.where(known, truth, np.nan)[..., None]
         self.predicted = np.where(known & np.isfinite(aligned), aligned, np.nan)[..., None]
-        self.errors = self.errors_of(self.predicted)
 
     def score(self, predicted: NDArray[Any]) -> float:
         """AbsRel under error_1."""

@@ -127,16 +127,15 @@ def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
     }
     n = sum(len(images) for key, images in mended.found.items() if key != CAMERA)
     return Findings(
-        label=side.name,
+        side=side,
         metric="AP",
         over=f"all {plural(attempted, 'image', 'images')} attempted",
         found=found,
         attempted=attempted,
-        noun="scene" if side.is_scene else "answer",
-        failed=mended.failed,
+        failed=len(mended.failed),
         value=costs.ap,
         answered=costs.ap_scored,
-        errors=f"of {plural(n, 'error', 'errors')} at IoU {FOREGROUND_IOU}",
+        errors=f", of {plural(n, 'error', 'errors')} at IoU {FOREGROUND_IOU}",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 from msgspec.structs import replace
@@ -38,41 +38,44 @@ from legoworld.report.photo_order import in_order
 from legoworld.report.sources import Section
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Mend:
-    """A kind of error of a category. sums: (4,) of the category, as `MapFamily.values` has them.
+class _Mend(NamedTuple):
+    """A kind of error of a category, of whose sums `MapFamily.values` makes the metrics.
 
-    mended: the same without the error; words: of the error, after the category's name.
+    mended: (4,) without it; words: of the error, after the category's name.
     """
 
     mended: Callable[[F64], Sequence[float]]
     words: Callable[[F64], str]
 
 
+def _share(part: float, whole: float) -> str:
+    return f"{1 - part / max(whole, 1):.0%}"
+
+
 #: Sums of IoU, TP, FP, FN: a segment that is missed is found whole, a false one is not there.
 _OF_SEGMENTS: Final = {
     "missed": _Mend(
-        mended=lambda s: (s[0] + s[3], s[1] + s[3], s[2], 0.0),
-        words=lambda s: f"{s[3]:.0f} of {plural(round(s[1] + s[3]), 'segment', 'segments')} missed",
+        lambda s: (s[0] + s[3], s[1] + s[3], s[2], 0.0),
+        lambda s: f"{s[3]:.0f} of {plural(round(s[1] + s[3]), 'segment', 'segments')} missed",
     ),
     "false": _Mend(
-        mended=lambda s: (s[0], s[1], 0.0, s[3]),
-        words=lambda s: f"{plural(round(s[2]), 'segment', 'segments')} where no such one is",
+        lambda s: (s[0], s[1], 0.0, s[3]),
+        lambda s: f"{plural(round(s[2]), 'segment', 'segments')} where no such one is",
     ),
     "loose": _Mend(
-        mended=lambda s: (s[1], s[1], s[2], s[3]),
-        words=lambda s: f"mean IoU {s[0] / max(s[1], 1):.2f} of those found",
+        lambda s: (s[1], s[1], s[2], s[3]),
+        lambda s: f"mean IoU {s[0] / max(s[1], 1):.2f} of those found",
     ),
 }
 #: Pixels of hits, truth and answers: missed ones are hits and taken from no other class.
 _OF_CLASSES: Final = {
     "missed": _Mend(
-        mended=lambda s: (s[0], s[2], s[2], s[3] + s[2] - s[1]),
-        words=lambda s: f"{1 - s[1] / max(s[2], 1):.0%} of its pixels missed",
+        lambda s: (s[0], s[2], s[2], s[3] + s[2] - s[1]),
+        lambda s: f"{_share(s[1], s[2])} of its pixels missed",
     ),
     "false": _Mend(
-        mended=lambda s: (s[0], s[1], s[2], s[1]),
-        words=lambda s: f"{1 - s[1] / max(s[3], 1):.0%} of its answered pixels are something else",
+        lambda s: (s[0], s[1], s[2], s[1]),
+        lambda s: f"{_share(s[1], s[3])} of its answered pixels are something else",
     ),
 }
 
@@ -116,13 +119,12 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
             )
     there = present_categories(answered)
     return Findings(
-        label=side.name,
+        side=side,
         metric=metric,
         over=f"all {plural(len(rows), 'image', 'images')} attempted",
         found=found,
         attempted=len(rows),
-        noun="scene" if side.is_scene else "answer",
-        failed=[row.image_id for row in rows if not row.has_score],
+        failed=sum(not row.has_score for row in rows),
         missing=", all of whose truth is missed",
         value=before,
         answered=value(total_sums(answered, there), there) if answered else None,

@@ -95,14 +95,14 @@ def _findings(
             category=ids.get(category),
         )
     return Findings(
-        label=side.name,
+        side=side,
         metric=metric,
         over=f"all {plural(len(rows), 'case', 'cases')} attempted",
         found=found,
         attempted=len(rows),
         noun="valid submission",
         images="case",
-        failed=[row.image_id for row in rows if not row.valid],
+        failed=sum(not row.valid for row in rows),
         missing=", each counted as 0",
         value=means[metric].value,
         answered=means[f"{metric}_valid"].value,

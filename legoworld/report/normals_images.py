@@ -81,7 +81,6 @@ class MendedNormals:
         self.truth = np.where(known[..., None], self.truth, np.nan)
         predicted = decode_array(view.predicted, view.size_wh, _CHANNELS)
         self.predicted = np.where(known[..., None], predicted, np.nan)
-        self.errors = self.errors_of(self.predicted)
         self._n = int(known.sum())
 
     def score(self, predicted: NDArray[Any]) -> float:
@@ -100,7 +99,7 @@ class MendedNormals:
 
     def say(self, region: NDArray[np.bool_]) -> str:
         """How far it is off at the median."""
-        return f"{np.nanmedian(self.errors[region]):.0f} degrees off"
+        return f"{np.nanmedian(self.errors_of(self.predicted)[region]):.0f} degrees off"
 
 
 MENDING: Final = Mending(of=MendedNormals, hole=HOLE_DEG, far=10.0, unit=" degrees", least=0.05)

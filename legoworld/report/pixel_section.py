@@ -30,7 +30,6 @@ from legoworld.report.mended_pixels import (
 )
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
-from legoworld.report.scene_objects import scene_objects
 from legoworld.report.sources import Section
 
 #: The stored view of one photo for each side; None where it has no score.
@@ -103,10 +102,9 @@ def pixel_section(
         document.views.append(view)
         if plots is not None:
             plots.add(views)
-        for found, stored, side in zip(regions, views, view.sides, strict=True):
+        for found, stored in zip(regions, views, strict=True):
             if stored is not None and view.id in mended:
-                objects = scene_objects(document.scenes, side.scene, stored.size_wh)
-                found[view.id] = photo_mended(page.mending, section.task, stored, objects)
+                found[view.id] = photo_mended(page.mending, section.task, stored)
     metric = next(iter(page.names.values())), name, policy
     costs = [
         pixel_findings(page.mending, metric, *of) for of in zip(section.sides, regions, strict=True)

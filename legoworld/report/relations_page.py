@@ -68,13 +68,12 @@ def _findings(side: StoredEvaluation) -> Findings:
             )
     n_answered, right_answered = _accuracy(answered)
     return Findings(
-        label=side.name,
+        side=side,
         metric="accuracy",
         over=f"all {plural(n, 'question', 'questions')} with a true answer",
         found=found,
         attempted=len(rows),
-        noun="scene" if side.is_scene else "answer",
-        failed=[row.image_id for row in rows if row.status != "ok" and row.n_true],
+        failed=sum(row.status != "ok" and row.n_true > 0 for row in rows),
         missing=", each of whose questions counts as wrong",
         value=right / n if n else None,
         answered=right_answered / n_answered if n_answered else None,

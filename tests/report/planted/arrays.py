@@ -131,9 +131,9 @@ def camera(truth: Array, bad: Array, random: np.random.Generator) -> Any:
     return "camera", (f"{right} px left and {down} px up",), mended
 
 
-def whole(truth: Array, bad: Array, random: np.random.Generator) -> Any:
-    """Near and far exchanged, or every face turned away: nothing in it is right."""
-    bad[:] = 1 / (1.2 / bad.min() - 1 / bad) if bad.ndim == 2 else turned(bad, 55)
+def another(truth: Array, bad: Array, random: np.random.Generator) -> Any:
+    """Another scene, or every face turned away: nothing in it is right."""
+    bad[:] = np.exp(0.4 * smooth(random)) if bad.ndim == 2 else turned(bad, 55)
     return "photo", ("as a whole",), truth
 
 
@@ -146,14 +146,14 @@ _DEPTH = {
     "an object too far": farther,
     "holes": hole,
     "moved camera": camera,
-    "near and far exchanged": whole,
+    "another scene": another,
     "a missing scene": lost,
 }
 _NORMALS = {
     "a leaning object": leaning,
     "holes": hole,
     "moved camera": camera,
-    "all turned": whole,
+    "all turned": another,
     "a missing scene": lost,
 }
 PLANTS = tuple(

@@ -223,8 +223,11 @@ def missed(bad: Set, mended: Set, random: np.random.Generator) -> Any:
                         and (t.box[0] // CELL, t.box[1] // CELL) == cell)  # fmt: skip
         like.score = top
     images = {t.image for t in gone}
-    at = [k for k, t in enumerate(bad.answers) if not any(t is g for g in gone)]
-    bad.answers = [bad.answers[k] for k in at]
+    lost = [any(t is g for g in gone) for t in bad.answers]
+    bad.answers = [t for t, no in zip(bad.answers, lost, strict=True) if not no]
+    # What is found stands first among equal scores.
+    order = sorted(range(len(lost)), key=lambda k: not lost[k])
+    mended.answers = [mended.answers[k] for k in order]
     return "missed", category, images
 
 
