@@ -26,12 +26,11 @@ AROUND: Final = ""
 
 
 class Loss(NamedTuple):
-    """What a category costs one case: of objects, the sum of what is missing to its score."""
+    """What an object, or what is around all of them, costs the score of one case."""
 
     image_id: int
     category: str
     lost: float
-    objects: int = 1
 
 
 def surface_losses(row: ReconstructionRow) -> list[Loss]:

@@ -37,7 +37,12 @@ from legoworld.report.mended_cases import Loss, bench_costs, picture_losses, sur
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.reconstruction_advice import bench_advice, bench_facts, check_lines
-from legoworld.report.reconstruction_case import SeenSurface, differences, seen_surface
+from legoworld.report.reconstruction_case import (
+    SeenSurface,
+    differences,
+    seen_from_reference,
+    seen_surface,
+)
 from legoworld.report.reconstruction_inputs import BenchInputs, bench_inputs
 from legoworld.report.reconstruction_pictures import (
     drawn_objects,
@@ -237,9 +242,11 @@ def _answer(
 ) -> BenchAnswer:
     document, row, run_row = bench.document, of.row, of.run_row
     hit, wrong, why = None, None, of.why
-    render = bench_render(of)
+    render, posed = bench_render(of), None
     if of.seen is not None:
         hit = _kept(document, hit_picture(of.seen))
+    if of.seen is not None and of.inputs is not None and isinstance(reference, Reference):
+        posed = seen_from_reference(of.inputs, reference, run_row, of.seen, bench.protocol)
     if of.inputs is not None and not isinstance(render, str):
         try:
             delta = bench.protocol.delta
@@ -254,7 +261,7 @@ def _answer(
         status=row.status,
         facts=tuple(bench_facts(row, run_row)),
         tables=(),
-        advice=bench_advice(row, run_row),
+        advice=bench_advice(row, run_row, posed),
         scene=document.scenes.bench_scene(of.side.source(row.image_id), run_row, render),
         objects=tuple(_objects(row)),
         checks=check_lines(row),

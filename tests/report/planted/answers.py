@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from evaluation.panoptic import official_rule
 from evaluation.panoptic.panoptic_files import call, scored, write_panoptic
-from evaluation.reconstruction.datasets import VALID, Submission
+from evaluation.reconstruction.datasets import POSE, VALID, Submission
 from evaluation.relations.folders import STREET, TABLE, evaluated, write_facts
 from msgspec.structs import replace
 from PIL import Image
@@ -164,11 +164,12 @@ def bench(fault: Callable[..., Any], folder: Path, random: np.random.Generator) 
     dataset = bench_dataset(folder)
     at = int(random.choice([*dataset.cases]))
     case = dataset.cases[at]
-    submission, metric, kind, says = fault(case, random)
+    submission, metric, kind, says, *advice = fault(case, random)
     bad = bench_evaluation(folder, dataset, "bad", {at: submission})
     value = json.loads((bad / "summary.json").read_text())["metrics"][metric]["value"]
     return Planted(evaluations=(bad,), kind=kind, says=says, size=1 - value, metric=metric,
-                   images=frozenset({at}))  # fmt: skip
+                   images=frozenset({at}), advice=dict.fromkeys([at] * len(advice), *advice[:1]),
+                   )  # fmt: skip
 
 
 def moved_ball(case: Any, random: np.random.Generator) -> Any:
@@ -182,6 +183,14 @@ def far_away(case: Any, random: np.random.Generator) -> Any:
     """The whole scene half as large again."""
     found = Submission(depth_z_m=case.depth_z_m * random.uniform(1.4, 1.6))
     return found, "R", "object", ("ball: ",)
+
+
+def upside_down(case: Any, random: np.random.Generator) -> Any:
+    """The camera is turned about its axis: registration does not find that, its pose says it."""
+    pose = ((-1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), *POSE[2:])
+    found = Submission(depth_z_m=np.ascontiguousarray(case.depth_z_m[::-1, ::-1]), pose=pose)
+    said = "would be 1.000 with the surfaces seen from the reference camera's pose, 180.0 degrees"
+    return found, "R", "object", ("ball: ",), said
 
 
 def painted_room(case: Any, random: np.random.Generator) -> Any:
@@ -210,6 +219,7 @@ PLANTS = (
     Plant("relations", "a missing scene", partial(relations, "absent")),
     Plant("bench", "a moved object", partial(bench, moved_ball)),
     Plant("bench", "wrong scale", partial(bench, far_away)),
+    Plant("bench", "moved camera", partial(bench, upside_down)),
     Plant("bench", "another colour", partial(bench, painted_room)),
     Plant("bench", "not valid", partial(bench, invalid)),
     Plant("bench", "failed", partial(bench, failed)),
