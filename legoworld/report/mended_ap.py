@@ -294,7 +294,11 @@ class _Mender:
         if self.base[k] is None:
             return 0.0
         table, rows = self._table, np.arange(self._slices[k].start, self._slices[k].stop)
-        rows = rows[~np.isin(table.entry[rows], left_out)]
+        gone = np.isin(table.entry[rows], left_out)
+        # Images are matched one by one: the others keep their matches.
+        changed = np.union1d(table.image[rows[gone]], [e.image for e in extra])
+        again = np.isin(table.image[rows], changed)
+        rest, rows = rows[~gone & ~again], rows[~gone & again]
         image = np.append(table.image[rows], [e.image for e in extra]).astype(np.int64)
         score = np.append(table.score[rows], [e.score for e in extra])
         rank = np.append(table.rank[rows], [e.order for e in extra])
@@ -302,7 +306,7 @@ class _Mender:
         source = np.append(rows, -1 - np.arange(len(extra))).astype(np.int64)
         order = np.lexsort((rank, -score, image))
         image, source, partial = image[order], source[order], partial[order].astype(bool)
-        truths = np.flatnonzero(self._truth_category == k)
+        truths = np.flatnonzero((self._truth_category == k) & np.isin(self._truth_image, changed))
         truths = truths[np.argsort(self._truth_image[truths], kind="stable")]
         images = np.union1d(image, self._truth_image[truths])
         first_d = np.searchsorted(image, np.append(images, np.iinfo(np.int64).max))
@@ -320,7 +324,12 @@ class _Mender:
                 self._ignored[truths], self._crowd[truths],
             ),
         )[0]  # fmt: skip
-        by_score = np.lexsort((rank[order], image, -score[order]))
+        state = np.concatenate([state, table.state[0][:, rest]], axis=1)
+        image, score = (
+            np.append(image, table.image[rest]),
+            np.append(score[order], table.score[rest]),
+        )
+        by_score = np.lexsort((np.append(rank[order], table.rank[rest]), image, -score))
         return self._gain(k, state[:, by_score])
 
     def _partial(self, k: int) -> Bools:

@@ -25,11 +25,12 @@ _INSIDE: Final = 0.8
 _GAIN: Final = 0.05
 #: A prediction of this IoU is not loose.
 _ENOUGH: Final = 0.75
-#: A shift is one where so many pairs agree within a share of the objects' size, and finds as many.
+#: A shift is one where so many pairs agree within a share of the objects' size, and finds as many;
+#: it is looked for where less than half of the objects are covered.
 _FLAT: Final = ("bbox", "segm")
 _AGREEING: Final = 3
 _ALIKE: Final = 0.1
-_MOST_PAIRS: Final = 2000
+_MOST_PAIRS: Final = 500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +107,9 @@ def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shifted |
         return None
     same = _same_category(image, side)
     before = _covered(side.iou, same)
-    pairs = np.argwhere(same)
-    if len(image.truths) - before < _AGREEING or len(pairs) > _MOST_PAIRS:
+    if 2 * before >= len(image.truths) or same.sum() > _MOST_PAIRS:
         return None
+    pairs = np.argwhere(same)
     theirs, ours = (
         np.array([payload.outline(row, image.image).box for row in rows], np.float64)
         for rows in (side.entries, image.truths)
