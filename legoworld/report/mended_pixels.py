@@ -50,7 +50,7 @@ class PixelMending(Protocol):
         """The metric of this photo with other predictions, by its family's own measuring."""
         ...
 
-    def without(self, region: Mask) -> NDArray[Any]:
+    def without(self, region: Mask, /) -> NDArray[Any]:
         """The predictions as they are measured where a region has no say in it."""
         ...
 

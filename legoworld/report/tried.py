@@ -117,7 +117,7 @@ def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shifted |
     apart = ours[pairs[:, 1], :2] - theirs[pairs[:, 0], :2]
     apart += (ours[pairs[:, 1], 2:] - theirs[pairs[:, 0], 2:]) / 2
     near = _ALIKE * np.median(ours[:, 2:])
-    agree = (np.abs(apart[:, None] - apart[None]) <= near).all(axis=2)
+    agree: NDArray[np.bool_] = (np.abs(apart[:, None] - apart[None]) <= near).all(axis=2)
     best = agree[int(agree.sum(axis=1).argmax())]
     right, down = (round(v) for v in np.median(apart[best], axis=0).tolist())
     if np.count_nonzero(best) < _AGREEING or not (right or down):
