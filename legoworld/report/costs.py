@@ -69,8 +69,7 @@ def side_costs(sides: Sequence[Findings]) -> tuple[SideCosts, ...]:
             SideCosts(
                 label=side.side.name,
                 metric=side.metric,
-                over=f"Change of {side.metric} over {side.over} where each alone is mended"
-                f"{side.errors}",
+                over=f"Each mended alone: {side.metric} over {side.over}{side.errors}",
                 most=(*_failed(side), *most),
             )
         )
@@ -89,8 +88,8 @@ def _failed(side: Findings) -> Iterator[Cost]:
         n=side.failed,
         images=side.failed,
         text=f"{side.failed} of {plural(side.attempted, side.images, f'{side.images}s')} without "
-        f"{noun}{side.missing}: {side.metric} {side.value:.3f} over all {side.attempted}, "
-        f"{side.answered:.3f} over the {have} that {'has' if have == 1 else 'have'} one",
+        f"{noun}{side.missing}: {side.metric} {side.value:.3f}, over the {have} with one "
+        f"{side.answered:.3f}",
         gain=side.answered - side.value,
         others=None,
     )

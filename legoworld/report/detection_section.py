@@ -21,7 +21,7 @@ from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
 from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
-from legoworld.report.error_kinds import FOREGROUND_IOU, KINDS
+from legoworld.report.error_kinds import KINDS
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.first_screen import first_screen
 from legoworld.report.mended_ap import CAMERA, MendedAp, errors_of
@@ -129,13 +129,13 @@ def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
     return Findings(
         side=side,
         metric="AP",
-        over=f"all {plural(attempted, 'image', 'images')} attempted",
+        over=f"all {plural(attempted, 'image', 'images')}",
         found=found,
         attempted=attempted,
         failed=len(mended.failed),
         value=costs.ap,
         answered=costs.ap_scored,
-        errors=f", of {plural(n, 'error', 'errors')} at IoU {FOREGROUND_IOU}",
+        errors=f"; {plural(n, 'error', 'errors')}",
     )
 
 

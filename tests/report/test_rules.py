@@ -338,17 +338,17 @@ def test_four_costs_are_named_of_one_side_and_three_of_each_of_two():
     gain = {("missed", n): 0.1 + n / 100 for n in range(6)}
     (one,) = costs.side_costs([mended("a", gain)])
     assert (one.label, [cost.text for cost in one.most]) == ("a", ["5", "4", "3", "2"])
-    assert one.over == "Change of AP over all 4 images where each alone is mended, of 12 errors"
+    assert one.over == "Each mended alone: AP over all 4 images, of 12 errors"
     less = {key: value - 0.001 for key, value in gain.items()}
     first, second = costs.side_costs([mended("a", gain, failed=3), mended("b", less)])
     assert [cost.text for cost in first.most[1:]] == ["5", "4", "3"]
     assert second.most == (), "it is behind on none"
     lost = first.most[0]
     assert (lost.kind, lost.n, lost.images, lost.gain) == ("failed", 3, 3, 0.25)
-    end = "AP 0.250 over all 4, 0.500 over the"
-    assert lost.text == f"3 of 4 images without scene: {end} 1 that has one"
+    end = "AP 0.250, over the"
+    assert lost.text == f"3 of 4 images without scene: {end} 1 with one 0.500"
     ((lost, *_),) = (c.most for c in costs.side_costs([mended("a", gain, failed=2, scene=False)]))
-    assert lost.text == f"2 of 4 images without answer: {end} 2 that have one"
+    assert lost.text == f"2 of 4 images without answer: {end} 2 with one 0.500"
     three = costs.side_costs([mended(name, gain) for name in "abc"])
     assert {len(side.most) for side in three} == {3}
     assert {cost.others for side in three for cost in side.most} == {None}

@@ -31,7 +31,7 @@ def test_in_a_browser_the_first_line_leads_to_the_photos_that_it_names(tmp_path:
         chrome.until(f"{line} !== null && {line}.getBoundingClientRect().bottom < 900")
         said = chrome.js(f"{line}.textContent")
         assert all(words in said for words in (*planted.says, f"{planted.size:+.3f}"))
-        assert "over all 14 images attempted" in chrome.js(
+        assert "AP over all 14 images" in chrome.js(
             "document.querySelector('.costs p.over').textContent"
         )
         chrome.js(f"{line}.click()")
