@@ -106,7 +106,7 @@ MOST_LINES = {
     "plugin": 6750,
     "readouts": 3200,
     "records": 8150,
-    "report": 5800,
+    "report": 6550,
     "running": 2800,
     "scene": 12350,
     "solids": 550,

@@ -117,25 +117,6 @@ class Outcome(Record, frozen=True, kw_only=True):
     colour: str
 
 
-class Loss(Record, frozen=True, kw_only=True):
-    """Objects of a category and what they cost R. lost: of R's mean over all attempted cases."""
-
-    category: int
-    name: str
-    objects: int
-    mean_f1: float
-    lost: float
-
-
-class SideLosses(Record, frozen=True, kw_only=True):
-    """What costs a side's R most. lost: all that is missing to 1; not_valid: by V = 0."""
-
-    label: str
-    lost: float
-    not_valid: float
-    most: tuple[Loss, ...]
-
-
 class TierBar(Record, frozen=True, kw_only=True):
     """One agent's metric by tier. values, sds: in the order of `tiers`; None where undefined."""
 
@@ -156,7 +137,6 @@ class BenchTables(Record, frozen=True, kw_only=True):
     """
 
     board: Leaderboard
-    losses: tuple[SideLosses, ...]
     tiers: tuple[TierBar, ...]
     outcomes: tuple[Outcome, ...]
     errors: tuple[Outcome, ...]

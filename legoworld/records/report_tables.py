@@ -27,14 +27,14 @@ class Verdict(Record, frozen=True, kw_only=True):
 
 
 class Cost(Record, frozen=True, kw_only=True):
-    """Errors of one kind in one category, of one side; or its images without an answer.
+    """What one change would mend on one side; or its images without an answer.
 
-    gain: what AP gains where they are mended; others: where the other side's are, of two.
-    kind, category: what lists their photos, with the side.
+    gain: how the metric changes with it; others: where the other side's is mended, of two. n errors
+    in so many images; link: where in the section they are.
     """
 
     kind: str
-    category: int | None
+    link: str
     n: int
     images: int
     text: str
@@ -43,10 +43,11 @@ class Cost(Record, frozen=True, kw_only=True):
 
 
 class SideCosts(Record, frozen=True, kw_only=True):
-    """What costs a side most AP, the most first. n: all its errors."""
+    """What costs a side most of a metric, the most first. over: what the changes are of."""
 
     label: str
-    n: int
+    metric: str
+    over: str
     most: tuple[Cost, ...]
 
 

@@ -17,7 +17,7 @@ from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, parts_of_truths
 from legoworld.report.shapes import drawn_predictions
-from legoworld.report.tried import Tried, try_steps
+from legoworld.report.tried import Shifted, Tried, shift_words, try_steps
 
 _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
@@ -51,11 +51,21 @@ def sorted_advice(advice: Sequence[Advice]) -> tuple[Advice, ...]:
 
 
 def detection_advice(
-    task: str, image: DetectionImage, side: SideImage, names: Mapping[int, str], *, scene: bool
+    task: str,
+    image: DetectionImage,
+    side: SideImage,
+    names: Mapping[int, str],
+    shifted: Shifted | None = None,
+    *,
+    scene: bool,
 ) -> tuple[Advice, ...]:
-    """Everything to say of one side's answer to a photo; what to do only where it is a scene."""
+    """Everything to say of one side's answer to a photo; what to do only where it is a scene.
+
+    shifted: its predictions with another camera, where that finds more.
+    """
     advice = failure_advice(side.run_row)
     if not advice:
+        advice += _camera(shifted) if shifted else []
         advice += _unknown_labels(side.run_row) if scene else []
         parts = parts_of_truths(task, image, side)
         advice += _advise_missed(task, image, side, names, parts)
@@ -76,6 +86,15 @@ def failure_advice(run_row: RunRow) -> list[Advice]:
     reason = run_row.reason or "the run gives no reason"
     what, _, do = reason.partition("; next: ")
     return [Advice(level="bad", what=f"no output ({run_row.status}): {what}", do=do)]
+
+
+def _camera(shifted: Shifted) -> list[Advice]:
+    """All predictions are off by the same pixels, which was tried."""
+    what = (
+        f"everything is displaced: {shifted.found} objects are covered instead of "
+        f"{shifted.found_before} once moved {shift_words(shifted.right_px, shifted.down_px)}"
+    )
+    return [Advice(level="bad", what=what, do="turn or move the camera by as much")]
 
 
 def _advise_missed(
@@ -228,7 +247,7 @@ def _false_one(
         ),
         "both": (
             f"{name} overlaps only an object of another category, {other} {iou}, too little: {off}",
-            "check what it stands for and where it is",
+            "",
         ),
         "duplicate": (
             f"a second {name} on an object that is detected already {iou}",

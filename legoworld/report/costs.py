@@ -1,90 +1,127 @@
-"""What costs a side most: its errors by kind and category, by what mending them gains."""
+"""What costs a side most: each finding is mended alone, and its family's metric made again.
+
+A family says what its findings are and what mending each gains, by its own official accumulation;
+their order, and what of them the first screen names, is decided here for all families.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from dataclasses import dataclass
 
+from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
 from legoworld.records.report_tables import Cost, SideCosts
-from legoworld.report.mended_ap import ErrorKey, MendedAp
 
 #: How many are named of one side, and of each where there are several.
 _MOST, _MOST_OF_EACH = 4, 3
-#: A gain of AP that rounds to nothing is none.
-_LEAST: Final = 0.0005
-_FAILED: Final = "failed"
-#: An error of a kind, in words; {0} is the category.
-_WORDS: Final = {
-    "classification": "{0}: taken for another category",
-    "localisation": "{0}: overlaps too little",
-    "both": "{0}: wrong category and place",
-    "duplicate": "{0}: an object predicted twice",
-    "background": "{0}: nothing annotated there",
-    "missed": "{0} missed",
-}
+#: A kind and what it is told of, the same for both sides: a category, a photo and an object of it.
+Key = tuple[str, int | str]
 
 
-def side_costs(sides: Sequence[MendedAp], names: Mapping[int, str]) -> tuple[SideCosts, ...]:
-    """The most costly errors of every side; of two, those that tell it from the other."""
-    made = [of_side.costs() for of_side in sides]
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Errors that one change would mend. gain: how much better the metric is with it.
+
+    images: of each error; category, listed: the filters that list their photos in the page;
+    without either the first image is where the finding leads.
+    """
+
+    text: str
+    gain: float
+    images: Sequence[int]
+    category: int | None = None
+    listed: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """One side's metric and its findings. over: what the metric is a mean of.
+
+    value, answered: over all attempted images and over those with an answer, which `failed` do not
+    have; missing: how a failed one counts; errors: how many there are in all; least: a smaller gain
+    is none; sign: -1 where lower is better.
+    """
+
+    side: StoredEvaluation
+    metric: str
+    over: str
+    found: Mapping[Key, Finding]
+    attempted: int
+    failed: int
+    value: float | None
+    answered: float | None
+    missing: str = ""
+    noun: str = ""
+    images: str = "image"
+    errors: str = ""
+    least: float = 0.0005
+    sign: int = 1
+
+
+def side_costs(sides: Sequence[Findings]) -> tuple[SideCosts, ...]:
+    """The most costly findings of every side; of two, those that tell it from the other."""
     shown = []
-    for at, (of_side, costs) in enumerate(zip(sides, made, strict=True)):
-        other = made[1 - at].gain if len(sides) == 2 else None
-        most = _costs(of_side, costs.gain, other, names)
-        failed = _failed(of_side, costs.ap, costs.ap_scored)
-        n_most = _MOST_OF_EACH if len(sides) > 1 else _MOST
+    for at, side in enumerate(sides):
+        other = sides[1 - at].found if len(sides) == 2 else None
+        most = _costs(side, other, at)[: _MOST_OF_EACH if len(sides) > 1 else _MOST]
         shown.append(
             SideCosts(
-                label=of_side.side.name,
-                n=sum(len(places) for places in of_side.found.values()),
-                most=(*failed, *most[:n_most]),
+                label=side.side.name,
+                metric=side.metric,
+                over=f"Each mended alone: {side.metric} over {side.over}{side.errors}",
+                most=(*_failed(side), *most),
             )
         )
     return tuple(shown)
 
 
-def _failed(of_side: MendedAp, ap: float | None, ap_scored: float | None) -> Iterator[Cost]:
+def _failed(side: Findings) -> Iterator[Cost]:
     """The images without an answer, where there are other ones: they come first."""
-    failed, attempted = len(of_side.failed), of_side.side.summary.coverage.attempted
-    if not failed or ap is None or ap_scored is None:
+    have = side.attempted - side.failed
+    if not side.failed or side.value is None or side.answered is None:
         return
-    noun = "scene" if of_side.side.is_scene else "answer"
-    have = "has one" if attempted - failed == 1 else "have one"
+    noun = side.noun or ("scene" if side.side.is_scene else "answer")
     yield Cost(
-        kind=_FAILED,
-        category=None,
-        n=failed,
-        images=failed,
-        text=f"{failed} of {plural(attempted, 'image', 'images')} without {noun}: "
-        f"AP {ap_scored:.3f} over the {attempted - failed} that {have}",
-        gain=ap_scored - ap,
+        kind="failed",
+        link="?tab=photos&kind=failed",
+        n=side.failed,
+        images=side.failed,
+        text=f"{side.failed} of {plural(side.attempted, side.images, f'{side.images}s')} without "
+        f"{noun}{side.missing}: {side.metric} {side.value:.3f}, over the {have} with one "
+        f"{side.answered:.3f}",
+        gain=side.answered - side.value,
         others=None,
     )
 
 
-def _costs(
-    of_side: MendedAp,
-    gain: Mapping[ErrorKey, float],
-    other: Mapping[ErrorKey, float] | None,
-    names: Mapping[int, str],
-) -> list[Cost]:
-    def ahead(key: ErrorKey) -> float:
-        return gain[key] - (other.get(key, 0.0) if other is not None else 0.0)
+def _costs(side: Findings, other: Mapping[Key, Finding] | None, of: int) -> list[Cost]:
+    def others(key: Key) -> float:
+        return other[key].gain if other and key in other else 0.0
 
+    found = side.found
     ordered = sorted(
-        (key for key in gain if gain[key] >= _LEAST and ahead(key) > 0),
-        key=lambda key: (-ahead(key), -gain[key], key),
+        (k for k in found if found[k].gain >= side.least and found[k].gain > others(k)),
+        key=lambda k: (others(k) - found[k].gain, -found[k].gain, str(k)),
     )
     return [
         Cost(
             kind=key[0],
-            category=key[1],
-            n=len(of_side.found[key]),
-            images=len(set(of_side.found[key])),
-            text=_WORDS[key[0]].format(names[key[1]]),
-            gain=gain[key],
-            others=None if other is None else other.get(key, 0.0),
+            link=_link(found[key], of),
+            n=len(found[key].images),
+            images=len(set(found[key].images)),
+            text=found[key].text,
+            gain=side.sign * found[key].gain,
+            others=None if other is None else side.sign * others(key),
         )
         for key in ordered
     ]
+
+
+def _link(finding: Finding, of: int) -> str:
+    """The list of its photos, or the photo itself."""
+    kind = f"&kind={finding.listed}" if finding.listed else ""
+    if finding.category is None and not kind:
+        return f"/{finding.images[0]}"
+    category = f"&cat={finding.category}" if finding.category is not None else ""
+    return f"?tab=photos{kind}{category}&of={of}"

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.cards import load_card
+from legoworld.evaluation.depth.alignment import aligned_z
+from legoworld.evaluation.depth.arrays import DepthArray
+from legoworld.evaluation.depth.protocol import depth_protocol
+from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
+from legoworld.evaluation.pixels.resampling import sampler
 from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records.depth import ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing
 from legoworld.records.report_tables import Plots
+from legoworld.report.mended_pixels import Mending
 from legoworld.report.plots import DepthPixels
 
 #: The code of a pixel without depth.
@@ -82,6 +89,50 @@ def depth_facts(row: ScoredDepthRow) -> list[tuple[str, str]]:
 def depth_constant(row: ScoredDepthRow) -> float:
     """AbsRel of the constant that knows nothing of the picture."""
     return row.constant["abs_rel"]["error_1"]
+
+
+class MendedDepth:
+    """The drawn pixels of a photo, aligned and scored again by depth's own rules."""
+
+    def __init__(self, task: str, view: DepthView) -> None:
+        self._size_wh, self._protocol = view.size_wh, depth_protocol(load_card(task))
+        truth, aligned = (
+            decode_array(text, view.size_wh).astype(np.float64)
+            for text in (view.truth_z_m, view.aligned_z_m)
+        )
+        known = valid_truth(truth)
+        self.truth = np.where(known, truth, np.nan)[..., None]
+        self.predicted = np.where(known & np.isfinite(aligned), aligned, np.nan)[..., None]
+
+    def score(self, predicted: NDArray[Any]) -> float:
+        """AbsRel under error_1."""
+        found = self._scored(predicted)
+        return found.metrics["abs_rel"]["error_1"] if found.metrics else 1.0
+
+    def _scored(self, predicted: NDArray[Any]) -> ImageScore:
+        array = DepthArray(values=predicted[..., 0], space="depth", unit="m", intrinsics_px=None)
+        sample = sampler(array, self._size_wh)
+        return score_image(self.truth[..., 0], sample, self._protocol)
+
+    def without(self, region: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Aligned by the fit of the other pixels."""
+        found = self._scored(np.where(region[..., None], np.nan, self.predicted))
+        if found.fit is None:
+            return self.predicted
+        return aligned_z(1 / self.predicted, found.fit, 1 / found.deepest_z_m)[0]
+
+    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+        """Relative."""
+        errors: NDArray[np.float64] = (np.abs(predicted - self.truth) / self.truth)[..., 0]
+        return errors
+
+    def say(self, region: NDArray[np.bool_]) -> str:
+        """How far it is off at the median."""
+        off_m = float(np.nanmedian((self.predicted - self.truth)[..., 0][region]))
+        return f"{abs(off_m):.2g} m too {'far' if off_m > 0 else 'near'}"
+
+
+MENDING: Final = Mending(of=MendedDepth, hole=1.0, far=0.1, unit="", least=0.0005)
 
 
 class DepthPlots:

@@ -8,6 +8,7 @@ from typing import Any, Final
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import DepthPageView
 from legoworld.report.depth_images import (
+    MENDING,
     DepthPlots,
     depth_advice,
     depth_constant,
@@ -37,6 +38,7 @@ PAGE: Final = pixel_page(
         panes=_panes,
         facts=depth_facts,
         advice=depth_advice,
+        mending=MENDING,
         constant=depth_constant,
         plots=DepthPlots,
     )

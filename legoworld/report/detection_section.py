@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.report_page import (
     DetectionAnswer,
     DetectionCell,
@@ -18,12 +20,12 @@ from legoworld.records.report_page import (
 from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
 from legoworld.report.cohorts import cohorts, is_ranked, photo_gains
-from legoworld.report.costs import side_costs
+from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
 from legoworld.report.error_kinds import KINDS
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.first_screen import first_screen
-from legoworld.report.mended_ap import MendedAp, errors_of
+from legoworld.report.mended_ap import CAMERA, MendedAp, errors_of
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.plots import IouCounts, precision_recall
@@ -31,6 +33,18 @@ from legoworld.report.shapes import drawn_predictions, drawn_truths
 from legoworld.report.sources import Section
 from legoworld.report.tables import category_lines, category_table
 from legoworld.report.tie_picture import tie_pictures
+from legoworld.report.tried import Shifted, common_shift
+
+#: An error of a kind, in words; {0} is the category.
+_WORDS: Final = {
+    "classification": "{0}: taken for another category",
+    "localisation": "{0}: overlaps too little",
+    "both": "{0}: wrong category and place",
+    "duplicate": "{0}: an object predicted twice",
+    "background": "{0}: nothing annotated there",
+    "missed": "{0} missed",
+    CAMERA[0]: "everything is displaced by the same pixels: the camera",
+}
 
 
 @dataclass(kw_only=True)
@@ -42,9 +56,9 @@ class _SideErrors:
     reached: int = 0
     iou: IouCounts = field(default_factory=IouCounts)
 
-    def add(self, image: DetectionImage, side: SideImage) -> None:
+    def add(self, image: DetectionImage, side: SideImage, shifted: Shifted | None) -> None:
         self.by_image[image.image.id] = list(_errors(image, side))
-        self.mended.add(image, side)
+        self.mended.add(image, side, shifted)
         self.reached += side.errors.truth.count("reached")
         self.iou.add(side)
 
@@ -72,7 +86,8 @@ def detection_section(
     errors = [_SideErrors(mended=MendedAp(side=side)) for side in sides]
     gains = photo_gains(sides[0]) if is_ranked(sides[0]) else None
     for image in detection_images(sides):
-        view = _view(section, image, names, document, places)
+        shifts = [common_shift(section.task, image, side) for side in image.sides]
+        view = _view(section, image, shifts, names, document, places)
         # What costs a ranked first side most AP first; else its lowest quality. Neither truth nor
         # a false prediction last.
         quality = image.sides[0].quality
@@ -81,12 +96,12 @@ def detection_section(
         rows.append((math.inf if quality is None or worst is None else worst, row))
         document.views.append(view)
         used |= view.categories
-        for of_side, side in zip(errors, image.sides, strict=True):
-            of_side.add(image, side)
+        for of_side, side, shifted in zip(errors, image.sides, shifts, strict=True):
+            of_side.add(image, side, shifted)
     categories = category_lines(sides)
     return replace(
         made,
-        first=first_screen(section, side_costs([e.mended for e in errors], names)),
+        first=first_screen(section, side_costs([_findings(e.mended, names) for e in errors])),
         ties=tuple(picture for side in sides for picture in tie_pictures(side)),
         categories=tuple(categories),
         category_table=category_table(section.key, sides, categories),
@@ -98,6 +113,34 @@ def detection_section(
             precision_recall=tuple(curve for side in sides for curve in precision_recall(side)),
             iou=tuple(e.iou.histogram(s.name) for s, e in zip(sides, errors, strict=True)),
         ),
+    )
+
+
+def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
+    """One side's errors by kind and category, with what mending them gains."""
+    costs, side = mended.costs(), mended.side
+    attempted = side.summary.coverage.attempted
+    found: dict[Key, Finding] = {
+        (kind, category): Finding(
+            text=_WORDS[kind].format(names.get(category)),
+            gain=gain,
+            images=mended.found[kind, category],
+            category=None if kind == CAMERA[0] else category,
+            listed="" if kind == CAMERA[0] else kind,
+        )
+        for (kind, category), gain in costs.gain.items()
+    }
+    n = sum(len(images) for key, images in mended.found.items() if key != CAMERA)
+    return Findings(
+        side=side,
+        metric="AP",
+        over=f"all {plural(attempted, 'image', 'images')}",
+        found=found,
+        attempted=attempted,
+        failed=len(mended.failed),
+        value=costs.ap,
+        answered=costs.ap_scored,
+        errors=f"; {plural(n, 'error', 'errors')}",
     )
 
 
@@ -114,6 +157,7 @@ def _errors(image: DetectionImage, side: SideImage) -> Iterator[tuple[str, int]]
 def _view(
     section: Section,
     image: DetectionImage,
+    shifts: Sequence[Shifted | None],
     names: Mapping[int, str],
     document: PageDocument,
     places: Photos,
@@ -130,8 +174,8 @@ def _view(
         said=said,
         truths=tuple(drawn_truths(section.task, image)),
         sides=tuple(
-            _answer(section.task, image, side, answer, names, document)
-            for side, answer in zip(section.sides, image.sides, strict=True)
+            _answer(section.task, image, side, answer, shifted, names, document)
+            for side, answer, shifted in zip(section.sides, image.sides, shifts, strict=True)
         ),
     )
 
@@ -141,6 +185,7 @@ def _answer(
     image: DetectionImage,
     side: StoredEvaluation,
     answer: SideImage,
+    shifted: Shifted | None,
     names: Mapping[int, str],
     document: PageDocument,
 ) -> DetectionAnswer:
@@ -149,7 +194,7 @@ def _answer(
         status=answer.run_row.status,
         facts=tuple(run_facts(answer.run_row, answer.scene)),
         tables=tuple(run_tables(answer.run_row)),
-        advice=detection_advice(task, image, answer, names, scene=side.is_scene),
+        advice=detection_advice(task, image, answer, names, shifted, scene=side.is_scene),
         predictions=tuple(drawn_predictions(task, image, answer)),
         truth=answer.errors.truth,
         scene=document.scenes.page_scene(answer.scene, answer.run_row) if side.is_scene else None,

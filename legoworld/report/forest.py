@@ -67,7 +67,7 @@ def _rows(
             name=name,
             better=better[metric],
             sides=tuple(spans),
-            differences=tuple(_span(row.difference if row else None) for row in compared),
+            differences=tuple(_compared(*of) for of in zip(pairs, compared, strict=True)),
         )
 
 
@@ -86,6 +86,20 @@ def _span(side: Difference | None) -> Span | None:
     low, high = side.ends or (None, None)
     over = over_text(side) if isinstance(side, Measured) else ""
     return Span(value=side.value, low=low, high=high, over=over)
+
+
+def _compared(pair: Pair, row: ComparisonRow | None) -> Span | None:
+    """The difference, with the images that it is of."""
+    if row is None:
+        return None
+    low, high = row.difference.ends or (None, None)
+    of = {"paired": pair.coverage.paired, "attempted": f"all {pair.coverage.attempted}"}
+    return Span(
+        value=row.difference.value,
+        low=low,
+        high=high,
+        over=f"{of.get(row.images, '')} {row.images}".strip(),
+    )
 
 
 def _evaluated(row: MetricRow | None) -> Span | None:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 from msgspec.structs import replace
 
-from legoworld.evaluation.label_maps.family import MapFamily
+from legoworld.evaluation.label_maps.family import F64, MapFamily
 from legoworld.evaluation.label_maps.png import encode_webp
 from legoworld.evaluation.label_maps.sums import present_categories, total_sums
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.base import number
 from legoworld.records.label_maps import LabelMapRow, LabelMapSummary, LabelMapView
 from legoworld.records.report_page import (
@@ -28,11 +29,55 @@ from legoworld.records.report_page import (
 )
 from legoworld.records.report_tables import PageSection
 from legoworld.report.advice import failure_advice, sorted_advice
+from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.family import PageFamily
+from legoworld.report.first_screen import first_screen
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.sources import Section
+
+
+class _Mend(NamedTuple):
+    """A kind of error of a category, of whose sums `MapFamily.values` makes the metrics.
+
+    mended: (4,) without it; words: of the error, after the category's name.
+    """
+
+    mended: Callable[[F64], Sequence[float]]
+    words: Callable[[F64], str]
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{1 - part / max(whole, 1):.0%}"
+
+
+#: Sums of IoU, TP, FP, FN: a segment that is missed is found whole, a false one is not there.
+_OF_SEGMENTS: Final = {
+    "missed": _Mend(
+        lambda s: (s[0] + s[3], s[1] + s[3], s[2], 0.0),
+        lambda s: f"{s[3]:.0f} of {plural(round(s[1] + s[3]), 'segment', 'segments')} missed",
+    ),
+    "false": _Mend(
+        lambda s: (s[0], s[1], 0.0, s[3]),
+        lambda s: f"{plural(round(s[2]), 'segment', 'segments')} where no such one is",
+    ),
+    "loose": _Mend(
+        lambda s: (s[1], s[1], s[2], s[3]),
+        lambda s: f"mean IoU {s[0] / max(s[1], 1):.2f} of those found",
+    ),
+}
+#: Pixels of hits, truth and answers: missed ones are hits and taken from no other class.
+_OF_CLASSES: Final = {
+    "missed": _Mend(
+        lambda s: (s[0], s[2], s[2], s[3] + s[2] - s[1]),
+        lambda s: f"{_share(s[1], s[2])} of its pixels missed",
+    ),
+    "false": _Mend(
+        lambda s: (s[0], s[1], s[2], s[1]),
+        lambda s: f"{_share(s[1], s[3])} of its answered pixels are something else",
+    ),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +90,63 @@ class _Page:
     places: Photos
 
 
+def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluation) -> Findings:
+    """The errors of each category, by what PQ or mIoU gains without them."""
+    rows, metric = cast("tuple[LabelMapRow, ...]", side.rows), family.metrics[0]
+    answered = [row for row in rows if row.has_score]
+    known = {category.id: category for category in _summary(side).categories}
+
+    def value(sums: F64, ids: Sequence[int]) -> float:
+        things = np.array([known[number].isthing for number in ids], bool)
+        return float(family.values(sums, things)[metric])
+
+    ids = present_categories(rows)
+    sums, of_answered = total_sums(rows, ids), total_sums(answered, ids)
+    found: dict[Key, Finding] = {}
+    before = value(sums, ids)
+    for k, category in enumerate(ids):
+        for kind, mend in mends.items():
+            change = np.array(mend.mended(of_answered[k])) - of_answered[k]
+            if not change.any():
+                continue
+            after = sums.copy()
+            after[k] += change
+            found[kind, category] = Finding(
+                text=f"{known[category].name}: {mend.words(of_answered[k])}",
+                gain=value(after, ids) - before,
+                images=[row.image_id for row in answered if _has(row, category, mend)],
+                category=category,
+            )
+    there = present_categories(answered)
+    return Findings(
+        side=side,
+        metric=metric,
+        over=f"all {plural(len(rows), 'image', 'images')} attempted",
+        found=found,
+        attempted=len(rows),
+        failed=sum(not row.has_score for row in rows),
+        missing=", all of whose truth is missed",
+        value=before,
+        answered=value(total_sums(answered, there), there) if answered else None,
+    )
+
+
+def _has(row: LabelMapRow, category: int, mend: _Mend) -> bool:
+    """Whether an image has the error."""
+    if str(category) not in row.counts:
+        return False
+    ids = present_categories([row])
+    own = total_sums([row], ids)[ids.index(category)]
+    return bool((np.array(mend.mended(own)) != own).any())
+
+
 def _fill(
-    family: MapFamily, section: Section, made: PageSection, document: PageDocument, places: Photos
+    family: MapFamily,
+    mends: Mapping[str, _Mend],
+    section: Section,
+    made: PageSection,
+    document: PageDocument,
+    places: Photos,
 ) -> PageSection:
     page = _Page(family=family, section=section, document=document, places=places)
     places.read([(row.file_name, None) for row in section.sides[0].rows])
@@ -66,7 +166,9 @@ def _fill(
         rows.append((-1.0 if first is None else first, photo))
         document.views.append(_view(page, image))
     names = {str(c.id): c.name for s in section.sides for c in _summary(s).categories}
-    return replace(made, images=in_order(rows), names=names)
+    costs = side_costs([_findings(family, mends, side) for side in section.sides])
+    screen = first_screen(section, costs)
+    return replace(made, first=screen, images=in_order(rows), names=names)
 
 
 def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
@@ -141,9 +243,10 @@ def _summary(side: StoredEvaluation) -> LabelMapSummary:
     return cast("LabelMapSummary", side.summary)
 
 
-def _page(family: MapFamily) -> PageFamily:
-    return PageFamily(forest={name: name for name in family.metrics}, fill=partial(_fill, family))
+def _page(family: MapFamily, mends: Mapping[str, _Mend]) -> PageFamily:
+    forest = {name: name for name in family.metrics}
+    return PageFamily(forest=forest, fill=partial(_fill, family, mends))
 
 
-PANOPTIC: Final = _page(SEGMENTS)
-SEMANTIC: Final = _page(CLASSES)
+PANOPTIC: Final = _page(SEGMENTS, _OF_SEGMENTS)
+SEMANTIC: Final = _page(CLASSES, _OF_CLASSES)

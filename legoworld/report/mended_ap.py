@@ -30,10 +30,15 @@ from legoworld.evaluation.detection.ranking.accumulation import precision_at_rec
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.sources import ReportInputError
+from legoworld.report.tried import Shifted
 
 #: An error kind and the category id it is told of: the object's where one is meant, else the
 #: prediction's.
 ErrorKey = tuple[str, int]
+#: Truths, and the IoU with each.
+Overlaps = tuple[tuple[int, float], ...]
+#: The photos in which everything is displaced by the same pixels.
+CAMERA: Final[ErrorKey] = ("camera", -1)
 _REMOVED: Final = ("background", "both", "duplicate")
 #: The evaluator adds the same numbers in another order.
 _ROUNDING: Final = 1e-9
@@ -58,7 +63,7 @@ class _Extra:
     image: int
     score: float
     order: int
-    overlaps: tuple[tuple[int, float], ...]
+    overlaps: Overlaps
 
 
 @dataclass(kw_only=True)
@@ -77,11 +82,14 @@ class MendedAp:
     _moved: dict[ErrorKey, list[tuple[int, int, float]]] = field(
         default_factory=lambda: defaultdict(list)
     )
+    _shifted: dict[int, list[tuple[int, tuple[tuple[int, float], ...]]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
     _missed: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
     _n_truths: int = 0
 
-    def add(self, image: DetectionImage, answer: SideImage) -> None:
-        """Take an image's overlaps and its errors."""
+    def add(self, image: DetectionImage, answer: SideImage, shifted: Shifted | None = None) -> None:
+        """Take an image's overlaps and its errors. shifted: its predictions with another camera."""
         errors, first = answer.errors, self._n_truths
         at = np.full(len(image.truths), image.image.id, np.int64)
         categories = np.array([t.category_id for t in image.truths], np.int64)
@@ -102,6 +110,12 @@ class MendedAp:
             self._entries[key].append(place)
             if about is not None and errors.truth[about] != "found":
                 self._moved[key].append((place, first + about, iou))
+        if shifted is not None:
+            self.found[CAMERA].append(image.image.id)
+            for place, entry, iou in zip(answer.places, answer.entries, shifted.iou, strict=True):
+                met = np.flatnonzero((categories == entry.category_id) & (iou > 0))
+                overlaps = zip((first + met).tolist(), iou[met].tolist(), strict=True)
+                self._shifted[entry.category_id].append((place, tuple(overlaps)))
         for t, state in enumerate(errors.truth):
             if state == "missed":
                 category = image.truths[t].category_id
@@ -191,7 +205,15 @@ class _Mender:
             ]
             k = self._position(category)
             gain["missed", category] = self._matched_again(k, (), found) / n_categories
+        if given._shifted:
+            gain[CAMERA] = sum(map(self._with_camera, given._shifted)) / n_categories
         return gain
+
+    def _with_camera(self, category: int) -> float:
+        """What a category gains where the photos with a better camera have it."""
+        seen = [one for one in self._given._shifted[category] if one[0] in self._row]
+        moved = [self._extra(entry, overlaps) for entry, overlaps in seen]
+        return self._matched_again(self._position(category), [e for e, _ in seen], moved)
 
     def mean(self, values: Sequence[float | None]) -> float | None:
         """Over the categories that have truth."""
@@ -272,7 +294,11 @@ class _Mender:
         if self.base[k] is None:
             return 0.0
         table, rows = self._table, np.arange(self._slices[k].start, self._slices[k].stop)
-        rows = rows[~np.isin(table.entry[rows], left_out)]
+        gone = np.isin(table.entry[rows], left_out)
+        # Images are matched one by one: the others keep their matches.
+        changed = np.union1d(table.image[rows[gone]], [e.image for e in extra])
+        again = np.isin(table.image[rows], changed)
+        rest, rows = rows[~gone & ~again], rows[~gone & again]
         image = np.append(table.image[rows], [e.image for e in extra]).astype(np.int64)
         score = np.append(table.score[rows], [e.score for e in extra])
         rank = np.append(table.rank[rows], [e.order for e in extra])
@@ -280,7 +306,7 @@ class _Mender:
         source = np.append(rows, -1 - np.arange(len(extra))).astype(np.int64)
         order = np.lexsort((rank, -score, image))
         image, source, partial = image[order], source[order], partial[order].astype(bool)
-        truths = np.flatnonzero(self._truth_category == k)
+        truths = np.flatnonzero((self._truth_category == k) & np.isin(self._truth_image, changed))
         truths = truths[np.argsort(self._truth_image[truths], kind="stable")]
         images = np.union1d(image, self._truth_image[truths])
         first_d = np.searchsorted(image, np.append(images, np.iinfo(np.int64).max))
@@ -298,7 +324,12 @@ class _Mender:
                 self._ignored[truths], self._crowd[truths],
             ),
         )[0]  # fmt: skip
-        by_score = np.lexsort((rank[order], image, -score[order]))
+        state = np.concatenate([state, table.state[0][:, rest]], axis=1)
+        image, score = (
+            np.append(image, table.image[rest]),
+            np.append(score[order], table.score[rest]),
+        )
+        by_score = np.lexsort((np.append(rank[order], table.rank[rest]), image, -score))
         return self._gain(k, state[:, by_score])
 
     def _partial(self, k: int) -> Bools:

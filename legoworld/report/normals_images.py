@@ -9,10 +9,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.normals.angles import angular_errors
+from legoworld.evaluation.normals.arrays import TOWARDS, NormalsArray, valid_normals
+from legoworld.evaluation.normals.protocol import HOLE_DEG
+from legoworld.evaluation.pixels.resampling import sampler
 from legoworld.evaluation.pixels.view import decode_array
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.normals import ScoredNormalsRow
 from legoworld.records.report_page import Advice, NormalsDrawing
+from legoworld.report.mended_pixels import Mending
 
 #: The code of a pixel without an error.
 NO_ERROR: Final = 65535
@@ -64,6 +69,40 @@ def _errors_deg(predicted: F32, truth: F32) -> NDArray[np.float64]:
     cosines = (predicted.astype(np.float64) * truth).sum(axis=-1)
     errors: NDArray[np.float64] = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
     return errors
+
+
+class MendedNormals:
+    """The drawn pixels of a photo, measured again by the normals' own rules."""
+
+    def __init__(self, _task: str, view: NormalsView) -> None:
+        self._size_wh = view.size_wh
+        self.truth = decode_array(view.truth, view.size_wh, _CHANNELS)
+        known = valid_normals(self.truth)
+        self.truth = np.where(known[..., None], self.truth, np.nan)
+        predicted = decode_array(view.predicted, view.size_wh, _CHANNELS)
+        self.predicted = np.where(known[..., None], predicted, np.nan)
+        self._n = int(known.sum())
+
+    def score(self, predicted: NDArray[Any]) -> float:
+        """The mean error under error_90."""
+        sample = sampler(NormalsArray(values=predicted, sign=TOWARDS), self._size_wh)
+        errors = angular_errors(self.truth, sample, self._n)
+        return float(errors.sum() + HOLE_DEG * (self._n - len(errors))) / self._n
+
+    def without(self, _region: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """The same: each pixel is measured alone."""
+        return self.predicted
+
+    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+        """In degrees."""
+        return _errors_deg(predicted, self.truth)
+
+    def say(self, region: NDArray[np.bool_]) -> str:
+        """How far it is off at the median."""
+        return f"{np.nanmedian(self.errors_of(self.predicted)[region]):.0f} degrees off"
+
+
+MENDING: Final = Mending(of=MendedNormals, hole=HOLE_DEG, far=10.0, unit=" degrees", least=0.05)
 
 
 def normals_facts(row: ScoredNormalsRow) -> list[tuple[str, str]]:

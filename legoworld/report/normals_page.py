@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.report_page import NormalsPageView
-from legoworld.report.normals_images import normals_advice, normals_drawing, normals_facts
+from legoworld.report.normals_images import MENDING, normals_advice, normals_drawing, normals_facts
 from legoworld.report.pixel_section import PixelPage, Views, pixel_page
 
 _METRICS: Final = {
@@ -32,5 +32,6 @@ PAGE: Final = pixel_page(
         panes=_panes,
         facts=normals_facts,
         advice=normals_advice,
+        mending=MENDING,
     )
 )

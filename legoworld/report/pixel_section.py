@@ -17,8 +17,17 @@ from legoworld.records.report_page import Advice, Answer, PageView, PhotoRow, Pi
 from legoworld.records.report_tables import PageSection, PixelList, Plots
 from legoworld.records.run_rows import RunRow
 from legoworld.report.advice import failure_advice, sorted_advice
+from legoworld.report.costs import side_costs
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.family import PageFamily
+from legoworld.report.first_screen import first_screen
+from legoworld.report.mended_pixels import (
+    Mending,
+    Regions,
+    costliest,
+    photo_mended,
+    pixel_findings,
+)
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.sources import Section
@@ -46,8 +55,8 @@ class PixelPage:
     names: the main metrics, as comparisons call them, with the page's names; the first is in
     sentences, and photos are listed by it. view: the type of view/ID.json; page_view: that of the
     page's views, with the fields that `panes` makes of the sides' views.
-    facts: of a row with numbers, before its metrics; advice: on it; constant: the score of a
-    constant, where there is one. plots: made anew for each section.
+    facts: of a row with numbers, before its metrics; advice: on it; mending: what its errors cost;
+    constant: the score of a constant, where there is one. plots: made anew for each section.
     """
 
     names: Mapping[str, str]
@@ -56,6 +65,7 @@ class PixelPage:
     panes: Callable[[Views], Mapping[str, Any]]
     facts: Callable[[Any], list[tuple[str, str]]]
     advice: Callable[[Any], list[Advice]]
+    mending: Mending
     constant: Callable[[Any], float] | None = None
     plots: Callable[[int], PixelPlots] | None = None
 
@@ -79,6 +89,8 @@ def pixel_section(
     plots = page.plots(len(section.sides)) if page.plots else None
     places.read([(row.file_name, None) for row in section.sides[0].rows])
     name, policy = page.first
+    mended = costliest(page.first, section.sides)
+    regions: list[dict[int, Regions]] = [{} for _ in section.sides]
     for of_sides in zip(*(side.rows for side in section.sides), strict=True):
         image = cast("tuple[PixelRow, ...]", of_sides)
         views = [side.image_view(page.view, image[0].image_id) for side in section.sides]
@@ -90,8 +102,16 @@ def pixel_section(
         document.views.append(view)
         if plots is not None:
             plots.add(views)
+        for found, stored in zip(regions, views, strict=True):
+            if stored is not None and view.id in mended:
+                found[view.id] = photo_mended(page.mending, section.task, stored)
+    metric = next(iter(page.names.values())), name, policy
+    costs = [
+        pixel_findings(page.mending, metric, *of) for of in zip(section.sides, regions, strict=True)
+    ]
     return replace(
         made,
+        first=first_screen(section, side_costs(costs)),
         images=in_order(rows),
         names={},
         pixels=PixelList(

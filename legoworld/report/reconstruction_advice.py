@@ -33,14 +33,19 @@ _CHECKS: Final = Validity.__struct_fields__
 Pairs = list[tuple[str, str]]
 
 
-def bench_advice(row: ReconstructionRow, run_row: RunRow) -> tuple[Advice, ...]:
-    """Everything to say of one submission of a case, what costs score first."""
+def bench_advice(
+    row: ReconstructionRow, run_row: RunRow, posed: float | None = None
+) -> tuple[Advice, ...]:
+    """Everything to say of one submission of a case, what costs score first.
+
+    posed: R of its surfaces as the reference's camera would see them in the scene's own world.
+    """
     found = failure_advice(run_row)
     if not found and row.status != COMPARED:
         found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     found += _checks(row)
     if row.status == COMPARED:
-        found += _camera(row.camera) + _tried(row) + _objects(row)
+        found += _camera(row.camera) + _tried(row, posed) + _objects(row)
     found += [_flag(flag) for flag in row.flags]
     warnings = {*row.warnings, *run_row.warnings}
     found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
@@ -102,19 +107,13 @@ def _objects(row: ReconstructionRow) -> list[Advice]:
 
 def _object(place: int, scored: ObjectRow) -> Advice:
     shares = f"precision {scored.precision:.2f}, recall {scored.recall:.2f}"
-    farther = scored.at.get("F10")
+    farther, do = scored.at.get("F10"), ""
     if not scored.n_submitted:
         what, do = f"{scored.name}: nothing stands where it is seen", "build it, or move it there"
     else:
         what = f"{scored.name}: F {scored.f1:.2f} ({shares})"
         if farther is not None and farther.f1 - scored.f1 > _NEAR:
             do = f"near: F {farther.f1:.2f} at 10 % of its depth; move it by a little"
-        elif not scored.precision and not scored.recall:
-            do = "all of it stands nearer or farther than the tolerance: its place, or its size"
-        elif scored.precision < scored.recall:
-            do = "other surfaces show in its silhouette: before it, or through holes in it"
-        else:
-            do = "parts of it are missing, or stand too near or too far"
     return Advice(level="warn" if scored.f1 > 1 / 2 else "bad", what=what, do=do, truths=(place,))
 
 
@@ -131,26 +130,26 @@ def _camera(camera: CameraError | None) -> list[Advice]:
     return found
 
 
-def _tried(row: ReconstructionRow) -> list[Advice]:
-    """The motion or the scale that R was measured with, where it gains."""
-    found, moved = row.diagnostics, row.camera.registration if row.camera else None
-    if found is None or row.R is None:
+def _tried(row: ReconstructionRow, posed: float | None) -> list[Advice]:
+    """The pose, the motion or the scale that R was measured with, where it gains: the best."""
+    found, camera = row.diagnostics, row.camera
+    if row.R is None or camera is None:
         return []
-    steps = []
-    if moved is not None:
+    steps: list[tuple[float | None, str, str]] = []
+    if camera.world_rotation_deg is not None and camera.world_translation_m is not None:
+        away = f"{camera.world_rotation_deg:.1f} degrees and {camera.world_translation_m:.2f} m"
+        by = f"seen from the reference camera's pose, {away} from its own"
+        steps.append((posed, by, "correct the camera's pose by as much"))
+    if found is not None and (moved := camera.registration):
         by = f"moved by {moved.rotation_deg:.1f} degrees and {moved.translation_m:.2f} m"
         steps.append((found.R_rigid, by, "correct the camera's pose, or the whole scene's"))
-    steps.append(
-        (
-            found.R_median_scale,
-            "scaled to the reference's median depth",
-            "scale the scene about its camera",
-        )
-    )
+    if found is not None:
+        by = "scaled to the reference's median depth"
+        steps.append((found.R_median_scale, by, "scale the scene about its camera"))
     gains = [(r, by, do) for r, by, do in steps if r is not None and r - row.R > _GAIN]
     return [
         Advice(level="warn", what=f"R {row.R:.3f} would be {r:.3f} with the surfaces {by}", do=do)
-        for r, by, do in sorted(gains, reverse=True)[:1]
+        for r, by, do in sorted(gains, key=lambda gain: -gain[0])[:1]
     ]
 
 

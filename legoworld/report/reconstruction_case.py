@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.reconstruction.appearance import PictureError, agreement
 from legoworld.evaluation.reconstruction.correspondence import on_one_raster
+from legoworld.evaluation.reconstruction.geometry import r_moved
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Depth, finite_points
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
@@ -98,6 +99,23 @@ def seen_surface(
     return SeenSurface(
         depth_z_m=depth, reference_outcome=reference_outcome, submitted_outcome=submitted_outcome
     )
+
+
+def seen_from_reference(
+    inputs: BenchInputs,
+    reference: Reference,
+    run_row: RunRow,
+    seen: SeenSurface,
+    protocol: BenchProtocol,
+) -> float | None:
+    """R of a submission's points as the reference's camera sees them in the submission's world."""
+    if run_row.camera is UNSET:
+        return None
+    truth = inputs.dataset.cases[run_row.image_id].truth
+    cameras = (run_row.camera, truth.camera)
+    ours, theirs = (np.array(camera.world_from_cam, np.float64) for camera in cameras)
+    motion = np.linalg.solve(theirs, ours)
+    return r_moved(reference, seen.depth_z_m, motion, protocol, len(truth.scored))
 
 
 def differences(inputs: BenchInputs, run_row: RunRow, row: ReconstructionRow) -> Codes:

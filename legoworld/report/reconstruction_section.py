@@ -33,10 +33,16 @@ from legoworld.records.report_reconstruction import (
 )
 from legoworld.records.report_tables import PageSection
 from legoworld.records.run_rows import RunRow
+from legoworld.report.mended_cases import Loss, bench_costs, picture_losses, surface_losses
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.reconstruction_advice import bench_advice, bench_facts, check_lines
-from legoworld.report.reconstruction_case import SeenSurface, differences, seen_surface
+from legoworld.report.reconstruction_case import (
+    SeenSurface,
+    differences,
+    seen_from_reference,
+    seen_surface,
+)
 from legoworld.report.reconstruction_inputs import BenchInputs, bench_inputs
 from legoworld.report.reconstruction_pictures import (
     drawn_objects,
@@ -69,13 +75,17 @@ class _Submission:
 
 @dataclass(frozen=True, kw_only=True)
 class _Bench:
-    """A section's sides with the folders behind them. ids: of the categories, by name."""
+    """A section's sides with the folders behind them. ids: of the categories, by name.
+
+    pictures: what costs each side's A, as its pictures are made.
+    """
 
     section: Section
     document: PageDocument
     photos: Photos
     inputs: tuple[BenchInputs | str, ...]
     ids: Mapping[str, int]
+    pictures: tuple[list[Loss], ...]
 
     @cached_property
     def protocol(self) -> BenchProtocol:
@@ -102,6 +112,7 @@ def bench_section(
         photos=places,
         inputs=inputs,
         ids={name: k for k, name in enumerate(sorted(names))},
+        pictures=tuple([] for _ in sides),
     )
     places.read([(row.file_name, None) for row in sides[0].rows])
     rows: list[tuple[float, PhotoRow]] = []
@@ -110,11 +121,15 @@ def bench_section(
         line = _line(of_case, view, len(document.views), bench.ids)
         rows.append((_score(of_case[0]), line))
         document.views.append(view)
-    tables = bench_tables(section, bench.ids)
+    tables = bench_tables(section)
+    surfaces = [
+        [loss for row in side.reconstruction_rows for loss in surface_losses(row)] for side in sides
+    ]
+    costs = bench_costs(sides, surfaces, bench.pictures, bench.ids)
     by_group = replace(wide_table(tables.board), title="Leaderboard by group")
     return replace(
         made,
-        first=first_of_bench(made.first, section, tables.board),
+        first=first_of_bench(section, tables.board, costs),
         overview=(
             leaderboard_table(tables),
             *second_card_tables(tables),
@@ -168,8 +183,8 @@ def _view(bench: _Bench, rows: Sequence[ReconstructionRow]) -> BenchPageView:
         objects=tuple(objects),
         raster=raster,
         sides=tuple(
-            _answer(bench, submission, drawn)
-            for submission, drawn in zip(submissions, points, strict=True)
+            _answer(bench, submission, drawn, reference, lost)
+            for submission, drawn, lost in zip(submissions, points, bench.pictures, strict=True)
         ),
     )
 
@@ -218,16 +233,27 @@ def _submission(
     )
 
 
-def _answer(bench: _Bench, of: _Submission, points: BenchPoints | None) -> BenchAnswer:
+def _answer(
+    bench: _Bench,
+    of: _Submission,
+    points: BenchPoints | None,
+    reference: Reference | str,
+    lost: list[Loss],
+) -> BenchAnswer:
     document, row, run_row = bench.document, of.row, of.run_row
     hit, wrong, why = None, None, of.why
-    render = bench_render(of)
+    render, posed = bench_render(of), None
     if of.seen is not None:
         hit = _kept(document, hit_picture(of.seen))
+    if of.seen is not None and of.inputs is not None and isinstance(reference, Reference):
+        posed = seen_from_reference(of.inputs, reference, run_row, of.seen, bench.protocol)
     if of.inputs is not None and not isinstance(render, str):
         try:
             delta = bench.protocol.delta
-            wrong = _kept(document, error_picture(differences(of.inputs, run_row, row), delta))
+            largest = differences(of.inputs, run_row, row)
+            wrong = _kept(document, error_picture(largest, delta))
+            if isinstance(reference, Reference):
+                lost += picture_losses(row, largest, reference.label, delta)
         except LegoWorldError as error:
             render = why = error.what
     return BenchAnswer(
@@ -235,7 +261,7 @@ def _answer(bench: _Bench, of: _Submission, points: BenchPoints | None) -> Bench
         status=row.status,
         facts=tuple(bench_facts(row, run_row)),
         tables=(),
-        advice=bench_advice(row, run_row),
+        advice=bench_advice(row, run_row, posed),
         scene=document.scenes.bench_scene(of.side.source(row.image_id), run_row, render),
         objects=tuple(_objects(row)),
         checks=check_lines(row),

@@ -1,8 +1,8 @@
-"""A bench's leaderboard, tiers, flags, and what costs R most."""
+"""A bench's leaderboard, tiers and flags."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from msgspec.structs import replace
@@ -11,27 +11,24 @@ from legoworld.comparison.leaderboard import leaderboard
 from legoworld.comparison.provenance import NOT_RECORDED
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.text import noise_floor
-from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
 from legoworld.records.bench_results import Leaderboard, LeaderboardRow, Repeated
 from legoworld.records.report_reconstruction import (
     BenchTables,
-    Loss,
-    SideLosses,
     TierBar,
 )
-from legoworld.records.report_tables import FirstScreen, Verdict
+from legoworld.records.report_tables import FirstScreen, SideCosts, Verdict
+from legoworld.report.first_screen import first_screen
 from legoworld.report.reconstruction_pictures import OUTCOMES, error_steps
 from legoworld.report.sources import ReportInputError, Section
 from legoworld.tables.table import Cell, Number, Table, Text, table
 
-#: How many categories are named, and from how many sides on the leaderboard stands for the plot.
-_MOST: Final = 6
+#: From how many sides on the leaderboard stands for the plot.
 MOST_PLOTTED: Final = 3
 _BARS: Final = ("S", "R", "A")
 
 
-def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
+def bench_tables(section: Section) -> BenchTables:
     """What only a bench's section has. ReportInputError for sides of other rules."""
     sides, rules = section.sides, section.sides[0].reconstruction
     for side in sides[1:]:
@@ -47,7 +44,6 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
     board = leaderboard(sides, draws=rules.bootstrap.draws, seed=rules.bootstrap.seed)
     return BenchTables(
         board=board,
-        losses=tuple(_losses(side, ids) for side in sides),
         tiers=tuple(bar for row in board.rows for bar in _tier_bars(row)),
         outcomes=OUTCOMES,
         errors=error_steps(rules.protocol.delta),
@@ -57,9 +53,9 @@ def bench_tables(section: Section, ids: Mapping[str, int]) -> BenchTables:
     )
 
 
-def first_of_bench(first: FirstScreen, section: Section, board: Leaderboard) -> FirstScreen:
+def first_of_bench(section: Section, board: Leaderboard, costs: Sequence[SideCosts]) -> FirstScreen:
     """The first screen of several evaluations: who leads; the plot where it can be read."""
-    sides = section.sides
+    first, sides = first_screen(section, costs), section.sides
     if section.comparison is None and len(sides) > 1:
         first = replace(first, verdicts=(Verdict(sentence=_leads(board), standing="alone"),))
     return replace(first, forest=first.forest if len(sides) <= MOST_PLOTTED else ())
@@ -86,38 +82,6 @@ def _leads(board: Leaderboard) -> str:
         return f"{maker_name(first)}: {name} {value} over {cases}, mean of {runs}."
     return (
         f"Highest {name} of {len(board.rows)}: {maker_name(first)}, {value} over {cases}, {runs}."
-    )
-
-
-def _losses(side: StoredEvaluation, ids: Mapping[str, int]) -> SideLosses:
-    """What is missing to R = 1, by category; cases that are not valid lose all of it."""
-    rows = side.reconstruction_rows
-    lost: dict[str, float] = dict.fromkeys(ids, 0.0)
-    scores: dict[str, list[float]] = {name: [] for name in ids}
-    not_valid = 0.0
-    for row in rows:
-        eligible = [o for o in row.objects if o.eligible]
-        if not row.valid or not eligible:
-            not_valid += 1.0 / len(rows)
-            continue
-        for scored in eligible:
-            lost[scored.category] += (1.0 - scored.f1) / len(eligible) / len(rows)
-            scores[scored.category].append(scored.f1)
-    order = sorted((n for n in ids if scores[n] and lost[n] > 0), key=lambda n: (-lost[n], n))
-    return SideLosses(
-        label=side.name,
-        lost=sum(lost.values()) + not_valid,
-        not_valid=not_valid,
-        most=tuple(
-            Loss(
-                category=ids[name],
-                name=name,
-                objects=len(scores[name]),
-                mean_f1=sum(scores[name]) / len(scores[name]),
-                lost=lost[name],
-            )
-            for name in order[:_MOST]
-        ),
     )
 
 

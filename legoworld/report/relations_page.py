@@ -8,13 +8,16 @@ from typing import Final, cast
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.pluralize import plural
 from legoworld.records.relations import RelationsRow, RelationsView
 from legoworld.records.report_page import Advice, Answer, PhotoRow, RelationsCell, RelationsPageView
 from legoworld.records.report_tables import PageSection
 from legoworld.records.track import ShownQuestion
 from legoworld.report.advice import failure_advice, sorted_advice
+from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.family import PageFamily
+from legoworld.report.first_screen import first_screen
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.sources import Section
@@ -42,7 +45,45 @@ def _fill(
                              cells=cells, categories=()))
         )  # fmt: skip
         document.views.append(view)
-    return replace(made, images=in_order(rows), names={})
+    first = first_screen(section, side_costs([_findings(side) for side in section.sides]))
+    return replace(made, first=first, images=in_order(rows), names={})
+
+
+def _findings(side: StoredEvaluation) -> Findings:
+    """The wrong and unanswered questions of each relation, by what accuracy gains without them."""
+    rows = cast("tuple[RelationsRow, ...]", side.rows)
+    answered = [row for row in rows if row.status == "ok"]
+    n, right = _accuracy(rows)
+    found: dict[Key, Finding] = {}
+    for name in sorted({name for row in answered for name in row.by_relation}):
+        lost = {r.image_id: s.n - s.score for r in answered if (s := r.by_relation.get(name))}
+        asked = sum(row.by_relation[name].n for row in answered if name in row.by_relation)
+        wrong = sorted((i for i in lost if lost[i] > 0), key=lambda i: (-lost[i], i))
+        if wrong:
+            found["relation", name] = Finding(
+                text=f"{name}: {sum(lost.values()):.0f} of "
+                f"{plural(asked, 'question', 'questions')} not answered right",
+                gain=sum(lost.values()) / n,
+                images=[image for image in wrong for _ in range(round(lost[image]))],
+            )
+    n_answered, right_answered = _accuracy(answered)
+    return Findings(
+        side=side,
+        metric="accuracy",
+        over=f"all {plural(n, 'question', 'questions')} with a true answer",
+        found=found,
+        attempted=len(rows),
+        failed=sum(row.status != "ok" and row.n_true > 0 for row in rows),
+        missing=", each of whose questions counts as wrong",
+        value=right / n if n else None,
+        answered=right_answered / n_answered if n_answered else None,
+    )
+
+
+def _accuracy(rows: Sequence[RelationsRow]) -> tuple[int, float]:
+    """Questions that are true or false, or a choice, and the sum of their scores."""
+    sums = [row.sums["accuracy"] for row in rows if "accuracy" in row.sums]
+    return sum(s.n for s in sums), sum(s.score for s in sums)
 
 
 def _view(

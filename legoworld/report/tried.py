@@ -17,11 +17,20 @@ from legoworld.evaluation.detection.inputs.masks import (
 )
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
+from legoworld.report.error_kinds import FOREGROUND_IOU
 
 #: A prediction of which this share lies in a truth may belong to what the truth shows.
 _INSIDE: Final = 0.8
 #: A step that gains less IoU is not worth a word.
 _GAIN: Final = 0.05
+#: A prediction of this IoU is not loose.
+_ENOUGH: Final = 0.75
+#: A shift is one where so many pairs agree within a share of the objects' size, and finds as many;
+#: it is looked for where less than half of the objects are covered.
+_FLAT: Final = ("bbox", "segm")
+_AGREEING: Final = 3
+_ALIKE: Final = 0.1
+_MOST_PAIRS: Final = 500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +48,12 @@ class Tried:
 
     @property
     def parts_help(self) -> bool:
-        """Whether giving parts back gains, and more than a better place and size."""
-        return self.together_iou >= max(self.iou + _GAIN, self.fitted_iou)
+        """Whether giving parts back gains, and is enough or more than a better place and size.
+
+        What is there already needs no new shape, which a fitted one is assumed to have.
+        """
+        enough = min(self.fitted_iou, _ENOUGH)
+        return self.together_iou >= max(self.iou + _GAIN, enough)
 
     @property
     def fit_helps(self) -> bool:
@@ -71,6 +84,80 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
         together_iou=together,
         fitted_iou=_fitted_iou(predicted[entry], wanted[0]),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shifted:
+    """All predictions of a photo moved right and down by the same pixels.
+
+    iou: (D, G) with them; found_before, found: truths that a prediction of their category covers.
+    """
+
+    right_px: int
+    down_px: int
+    iou: NDArray[np.float64]
+    found_before: int
+    found: int
+
+
+def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shifted | None:
+    """The shift that most pairs of a category agree on, where it finds more truths; or None."""
+    payload = detection_protocol(task).payload
+    if payload.iou_type not in _FLAT or min(len(side.entries), len(image.truths)) < _AGREEING:
+        return None
+    same = _same_category(image, side)
+    before = _covered(side.iou, same)
+    if 2 * before >= len(image.truths) or same.sum() > _MOST_PAIRS:
+        return None
+    pairs = np.argwhere(same)
+    theirs, ours = (
+        np.array([payload.outline(row, image.image).box for row in rows], np.float64)
+        for rows in (side.entries, image.truths)
+    )
+    apart = ours[pairs[:, 1], :2] - theirs[pairs[:, 0], :2]
+    apart += (ours[pairs[:, 1], 2:] - theirs[pairs[:, 0], 2:]) / 2
+    near = _ALIKE * np.median(ours[:, 2:])
+    agree: NDArray[np.bool_] = (np.abs(apart[:, None] - apart[None]) <= near).all(axis=2)
+    best = agree[int(agree.sum(axis=1).argmax())]
+    right, down = (round(v) for v in np.median(apart[best], axis=0).tolist())
+    if np.count_nonzero(best) < _AGREEING or not (right or down):
+        return None
+    moved = [_moved(shape, right, down) for shape in shapes(task, image.image, side.entries)]
+    crowd = [int(bool(t.iscrowd)) for t in image.truths]
+    iou = payload.compared(moved, shapes(task, image.image, image.truths), crowd)
+    found = _covered(iou, same)
+    if found - before < _AGREEING:
+        return None
+    return Shifted(right_px=right, down_px=down, iou=iou, found_before=before, found=found)
+
+
+def shift_words(right: int, down: int, scale: float = 1.0) -> str:
+    """A shift in pixels of the photo, scale of which one of its own is."""
+    ways = (right, "right", "left"), (down, "down", "up")
+    said = (f"{abs(n) * scale:.0f} px {more if n > 0 else less}" for n, more, less in ways if n)
+    return " and ".join(said)
+
+
+def _same_category(image: DetectionImage, side: SideImage) -> NDArray[np.bool_]:
+    """(D, G); not of truths that are ignored."""
+    theirs = np.array([p.category_id for p in side.entries])
+    ours = np.array([t.category_id for t in image.truths])
+    counted = np.array([state != "ignored" for state in side.errors.truth])
+    same: NDArray[np.bool_] = (theirs[:, None] == ours) & counted
+    return same
+
+
+def _covered(iou: NDArray[np.float64], same: NDArray[np.bool_]) -> int:
+    return int(((iou >= FOREGROUND_IOU) & same).any(axis=0).sum())
+
+
+def _moved(shape: Any, right: int, down: int) -> Any:
+    """A box, or a mask, elsewhere; what leaves the picture is cut off."""
+    if not isinstance(shape, dict):
+        return [shape[0] + right, shape[1] + down, *shape[2:]]
+    pixels = to_pixels(cast("EncodedMask", shape))
+    matrix = np.array([[1, 0, right], [0, 1, down]], np.float64)
+    return from_pixels(cv2.warpAffine(pixels, matrix, pixels.shape[::-1], flags=cv2.INTER_NEAREST))
 
 
 def _fitted_iou(shape: Any, wanted: Any) -> float:

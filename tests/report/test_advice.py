@@ -281,9 +281,9 @@ def nested(own: int, part: int) -> list[str]:
 def test_parts_that_would_close_a_hole_are_told_with_what_they_gain() -> None:
     said = next(s for s in nested(CUP, TABLE) if s.startswith("detected, but"))
     assert said == (
-        "detected, but with an IoU below 0.75: cup 0.60 => fit size and place to the photo: AP "
-        "averages over IoU 0.50 to 0.95"
-    ), "a box that is stretched fits better than the two together"
+        "detected, but with an IoU below 0.75: cup 0.60 => count table in, if part of it: IoU 0.96 "
+        "with it; a label cuts its object out of the one around it"
+    ), "what is there already comes before a shape that is stretched"
     ring = advice(
         "coco-masks",
         [((10, 10, 40, 40), CUP)],

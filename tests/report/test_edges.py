@@ -18,6 +18,7 @@ from legoworld.records.report_tables import CategoryCell, CategoryLine, FirstScr
 from legoworld.report import (
     costs,
     label_maps_page,
+    mended_cases,
     reconstruction_advice,
     reconstruction_tables,
     relations_page,
@@ -183,16 +184,13 @@ def test_each_task_s_first_number_stands_with_its_interval(
 
 def row(image_id: int, *scores: tuple[str, float], valid: bool = True) -> Any:
     objects = [SimpleNamespace(category=name, f1=f1, eligible=True) for name, f1 in scores]
-    return SimpleNamespace(image_id=image_id, valid=valid, objects=objects, R=0.0)
+    return SimpleNamespace(image_id=image_id, valid=valid, objects=objects)
 
 
-def test_a_category_that_loses_nothing_is_not_among_the_losses() -> None:
+def test_an_object_that_loses_nothing_is_not_among_the_losses() -> None:
     rows = [row(1, ("cup", 1.0), ("bus", 0.5)), row(2, ("bus", 0.0)), row(3, valid=False)]
-    side: Any = SimpleNamespace(name="one", reconstruction_rows=rows)
-    found = reconstruction_tables._losses(side, {"cup": 1, "bus": 2, "sofa": 3})
-    assert [most.name for most in found.most] == ["bus"]
-    assert found.lost == pytest.approx(1 / 3 + 0.25 / 3 + 1 / 3)
-    assert found.not_valid == pytest.approx(1 / 3)
+    losses = [loss for one in rows for loss in mended_cases.surface_losses(one)]
+    assert losses == [(1, "bus", 0.25), (2, "bus", 1.0)]
 
 
 @pytest.mark.parametrize(
@@ -203,9 +201,10 @@ def test_who_leads_is_said_of_several_without_a_comparison(
 ) -> None:
     monkeypatch.setattr(reconstruction_tables, "_leads", lambda board: f"{board} leads")
     first = FirstScreen(verdicts=(), costs=(), coverage=(), forest=())
+    monkeypatch.setattr(reconstruction_tables, "first_screen", lambda *_: first)
     section: Any = SimpleNamespace(sides=[0] * n, comparison=comparison)
     board: Any = "the board"
-    found = reconstruction_tables.first_of_bench(first, section, board)
+    found = reconstruction_tables.first_of_bench(section, board, ())
     assert [v.sentence for v in found.verdicts] == (["the board leads"] if said else [])
 
 
@@ -316,15 +315,20 @@ GAIN = {("missed", 1): 0.02, ("background", 2): 0.05, ("both", 1): 0.02, ("dupli
 def test_what_costs_most_comes_first_and_of_two_sides_what_tells_them_apart(
     other: Any, kinds: list[str]
 ) -> None:
-    found = {key: [4, 4, 7] for key in GAIN}
-    side: Any = SimpleNamespace(found=found)
-    made = costs._costs(side, GAIN, other, {1: "cup", 2: "bus"})  # type: ignore[arg-type]
+    def findings(gain: Any) -> Any:
+        return {
+            key: costs.Finding(text=str(key), gain=one, images=[4, 4, 7], category=key[1])
+            for key, one in gain.items()
+        }
+
+    side: Any = SimpleNamespace(found=findings(GAIN), least=0.0005, sign=1)
+    made = costs._costs(side, None if other is None else findings(other), 0)
     assert [cost.kind for cost in made] == kinds
     for cost in made:
-        key: Any = (cost.kind, cost.category)
+        key = next(key for key in GAIN if str(key) == cost.text)
         assert (cost.gain, cost.n, cost.images) == (GAIN[key], 3, 2)
         assert cost.others == (None if other is None else other.get(key, 0.0))
-        assert cost.text.startswith({1: "cup", 2: "bus"}[key[1]])
+        assert cost.link == f"?tab=photos&cat={key[1]}&of=0"
 
 
 def repeated(mean: float | None, ends: tuple[float, float] | None = None) -> Any:

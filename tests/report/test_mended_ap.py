@@ -18,6 +18,7 @@ from pycocotools.cocoeval import COCOeval
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.report.costs import side_costs
 from legoworld.report.detection_images import DetectionImage, detection_images
+from legoworld.report.detection_section import _findings
 from legoworld.report.mended_ap import MendedAp, errors_of
 from legoworld.report.sources import ReportInputError
 
@@ -143,14 +144,15 @@ def test_masks_and_partly_annotated_categories_repeat_the_official_ap(
 def test_images_without_an_answer_come_first(tmp_path: Path) -> None:
     statuses = {10 + 3 * i: "missing" for i in range(4, 12)}
     mended, _ = collected(evaluated(tmp_path, "coco", statuses=statuses))
-    (costs,) = side_costs([mended], NAMES)
+    (costs,) = side_costs([_findings(mended, NAMES)])
     first = costs.most[0]
     assert first.kind == "failed"
     assert first.n == 8
     assert first.text.startswith("8 of 12 images without scene: AP ")
+    assert first.link == "?tab=photos&kind=failed"
     stated = mended.side.detection.metrics["AP"]
     assert stated is not None
-    assert f"AP {stated + first.gain:.3f} over the 4 that have one" in first.text
+    assert f"AP {stated:.3f}, over the 4 with one {stated + first.gain:.3f}" in first.text
 
 
 def apart(categories: tuple[int, ...], images: int = 6) -> tuple[dict[str, Any], Rows]:
@@ -175,9 +177,10 @@ def test_a_planted_confusion_is_what_costs_most(tmp_path: Path) -> None:
     for one in rare[::2]:
         one["category_id"] = 7
     mended, _ = collected(evaluated(tmp_path, "coco", truth=truth, predictions=predictions))
-    (costs,) = side_costs([mended], NAMES)
+    (costs,) = side_costs([_findings(mended, NAMES)])
     (most,) = costs.most
-    assert (most.kind, most.category, most.n, most.images) == ("classification", 5, 3, 3)
+    assert (most.kind, most.n, most.images) == ("classification", 3, 3)
+    assert most.link == "?tab=photos&kind=classification&cat=5&of=0"
     assert most.text == "thing 0: taken for another category"
     assert most.gain == pytest.approx(1 - official_ap(truth, predictions), abs=1e-12)
 
@@ -190,8 +193,9 @@ def test_of_two_sides_each_is_told_what_tells_it_from_the_other(tmp_path: Path) 
         shown = [p for p in every if p["category_id"] not in left_out]
         folder = evaluated(tmp_path, "coco", truth=truth, predictions=shown, baseline=name)
         sides.append(collected(folder)[0])
-    one, two = side_costs(sides, NAMES)
-    assert [(c.kind, c.category, c.others) for c in one.most] == [("missed", first_only, 0.0)]
+    one, two = side_costs([_findings(side, NAMES) for side in sides])
+    assert [(c.kind, c.others) for c in one.most] == [("missed", 0.0)]
+    assert f"&cat={first_only}&" in one.most[0].link
     assert one.most[0].gain == pytest.approx(1 / 3)
     assert two.most == ()
 

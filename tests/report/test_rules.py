@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -324,30 +323,33 @@ def test_each_image_is_in_the_coverage_once():
 
 
 def mended(name: str, gain: dict[Any, float], *, failed: int = 0, scene: bool = True) -> Any:
-    found = defaultdict(list, {key: [1, 2] for key in gain})
-    side = SimpleNamespace(
-        name=name, is_scene=scene, summary=SimpleNamespace(coverage=SimpleNamespace(attempted=4))
-    )
-    made = SimpleNamespace(gain=gain, ap=0.25, ap_scored=0.5)
-    return SimpleNamespace(side=side, found=found, failed=[1] * failed, costs=lambda: made)
+    found = {
+        key: costs.Finding(text=str(key[1]), gain=one, images=[1, 2], category=key[1])
+        for key, one in gain.items()
+    }
+    return costs.Findings(
+        side=SimpleNamespace(name=name, is_scene=scene),  # type: ignore[arg-type]
+        metric="AP", over="all 4 images", found=found, attempted=4, failed=failed, value=0.25,
+        answered=0.5, errors=", of 12 errors",
+    )  # fmt: skip
 
 
 def test_four_costs_are_named_of_one_side_and_three_of_each_of_two():
     gain = {("missed", n): 0.1 + n / 100 for n in range(6)}
-    names = {n: f"c{n}" for n in range(6)}
-    (one,) = costs.side_costs([mended("a", gain)], names)
-    assert (one.label, one.n, [cost.category for cost in one.most]) == ("a", 12, [5, 4, 3, 2])
+    (one,) = costs.side_costs([mended("a", gain)])
+    assert (one.label, [cost.text for cost in one.most]) == ("a", ["5", "4", "3", "2"])
+    assert one.over == "Each mended alone: AP over all 4 images, of 12 errors"
     less = {key: value - 0.001 for key, value in gain.items()}
-    first, second = costs.side_costs([mended("a", gain, failed=3), mended("b", less)], names)
-    assert [cost.category for cost in first.most] == [None, 5, 4, 3]
+    first, second = costs.side_costs([mended("a", gain, failed=3), mended("b", less)])
+    assert [cost.text for cost in first.most[1:]] == ["5", "4", "3"]
     assert second.most == (), "it is behind on none"
     lost = first.most[0]
     assert (lost.kind, lost.n, lost.images, lost.gain) == ("failed", 3, 3, 0.25)
-    assert lost.text == "3 of 4 images without scene: AP 0.500 over the 1 that has one"
-    ((lost, *_),) = (c.most for c in costs.side_costs([mended("a", gain, failed=2, scene=False)],
-                                                      names))  # fmt: skip
-    assert lost.text == "2 of 4 images without answer: AP 0.500 over the 2 that have one"
-    three = costs.side_costs([mended(name, gain) for name in "abc"], names)
+    end = "AP 0.250, over the"
+    assert lost.text == f"3 of 4 images without scene: {end} 1 with one 0.500"
+    ((lost, *_),) = (c.most for c in costs.side_costs([mended("a", gain, failed=2, scene=False)]))
+    assert lost.text == f"2 of 4 images without answer: {end} 2 with one 0.500"
+    three = costs.side_costs([mended(name, gain) for name in "abc"])
     assert {len(side.most) for side in three} == {3}
     assert {cost.others for side in three for cost in side.most} == {None}
 

@@ -189,6 +189,19 @@ def _diagnostics(
     return diagnostics, motion.registration if motion else None
 
 
+def r_moved(
+    reference: Reference, depth_z_m: Depth, motion: F64, protocol: BenchProtocol, objects: int
+) -> float | None:
+    """R of a submitted depth whose points are moved by a (4, 4) motion first."""
+    registration = Registration(rotation_deg=0, translation_m=0, iterations=0, trimmed_rms_m=0)
+    moved = aligned.Motion(
+        rotation=motion[:3, :3], translation_m=motion[:3, 3], registration=registration
+    )
+    submitted_m = points_m(depth_z_m, reference.raster)[finite_points(depth_z_m)]
+    surface = _move_surface(reference, depth_z_m, submitted_m, moved)
+    return _r(reference, surface, protocol, objects)
+
+
 def _move_surface(
     reference: Reference, depth_z_m: Depth, submitted_m: F64, motion: aligned.Motion
 ) -> GridSurface:

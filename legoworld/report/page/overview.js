@@ -59,21 +59,30 @@ function forestFigure(section) {
     ...axis(values, 0, top(rows), [0, 0.25, 0.5, 0.75, 1].map((v) => v * top(rows)), high, ""),
     ...(many ? axis(differences, -reach(rows), reach(rows), [-reach(rows), 0, reach(rows)], high, "+") : []),
     svg("text", { class: "axis", x: values.left, y: 13 }, ["value"]),
-    many ? svg("text", { class: "axis", x: differences.left, y: 13 }, ["difference"]) : null,
+    many ? svg("text", { class: "axis", x: differences.left, y: 13 }, [differenceAxis(rows)]) : null,
     ...lines]);
   const table = rows.flatMap((row) => [
     ...row.sides.map((s, k) => [row.name, labels[k], ...numbers(s), s ? s.over : ""]),
-    ...row.differences.map((s, k) => [row.name, labels[0] + " minus " + labels[k + 1], ...numbers(s), ""])]);
+    ...row.differences.map((s, k) => [row.name, labels[0] + " minus " + labels[k + 1], ...numbers(s), s ? s.over : ""])]);
   return plotFigure({ name: "metrics-" + section.key, title: "Main metrics" + denominator(section), root,
     keys: labels.map((label, k) => ["side-key-" + Math.min(k, 2), label]),
     note: intervalNote(rows, pairs > 0, Boolean(section.bench)),
     head: ["metric", "of", "value", "low", "high", "over"], rows: table });
 }
 
-/* The values of every side are over all of them, whatever the verdict's pairs are. */
+/* What all values are over, where that is one; else of all attempted, or each side's own images. */
 function denominator(section) {
+  const overs = new Set(section.first.forest.flatMap((r) => r.sides.filter(Boolean).map((s) => s.over)));
   const attempted = section.first.coverage.map((bar) => bar.attempted)[0];
+  if (overs.size === 1 && !overs.has("")) { return " over " + Array.from(overs)[0]; }
+  if (section.pixels) { return ", each over its own images"; }
   return attempted ? " over all " + counted(attempted, section.bench ? "case" : "image", section.bench ? "cases" : "images") + " attempted" : "";
+}
+
+/* The images that all differences are of. */
+function differenceAxis(rows) {
+  const overs = new Set(rows.flatMap((r) => r.differences.filter(Boolean).map((d) => d.over)));
+  return "difference" + (overs.size === 1 ? ", " + Array.from(overs)[0] : "");
 }
 
 function intervalNote(rows, compared, bench) {

@@ -131,6 +131,7 @@ class Submission:
     render: NDArray[Any] | None = None
     no_render: bool = False
     hfov_deg: float = HFOV_DEG
+    pose: Any = POSE
     validity: Validity = VALID
     integrity: Integrity = NOTHING
     status: str = "ok"
@@ -335,7 +336,7 @@ def _row(folder: Path, case: Case, submission: Submission) -> BenchRow:
         validity=submission.validity,
         camera=SubmittedCamera(
             type="PERSP", hfov_deg=submission.hfov_deg, fx=focal, fy=focal, cx=SIZE_WH[0] / 2,
-            cy=SIZE_WH[1] / 2, clip_start_m=0.1, clip_end_m=100.0, world_from_cam=POSE,
+            cy=SIZE_WH[1] / 2, clip_start_m=0.1, clip_end_m=100.0, world_from_cam=submission.pose,
         ),
         surface=SurfaceFile(
             **_written(folder, f"surface/{stem}.npz", surface.getvalue()),
