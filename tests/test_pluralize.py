@@ -70,3 +70,33 @@ def test_the_same_name_in_another_folder():
 )
 def test_the_first_few_names_and_how_many_more(names, text):
     assert first_few(names, 2) == text
+
+
+#: Words that differ by more than an ending; "1 run" of a merge was not sharded.
+IRREGULAR = {("is", "are"), ("has", "have"), ("no", "not"), ("run", "shards")}
+
+
+def is_one_of_many(one: str, many: str) -> bool:
+    """Whether two words are a noun's, or a verb's, forms for 1 and for more."""
+    endings = (many, f"{many}s", f"{many}es", f"{many[:-1]}ies" if many.endswith("y") else many)
+    of_verb = one in endings
+    of_noun = many in (f"{one}s", f"{one}es", f"{one[:-1]}ies" if one.endswith("y") else one)
+    return of_noun or of_verb or (one, many) in IRREGULAR
+
+
+def test_the_words_for_one_and_for_more_are_forms_of_each_other() -> None:
+    wrong = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if not isinstance(node, ast.Call) or len(node.args) < 3:
+                continue
+            forms = [a.value for a in node.args[-2:] if isinstance(a, ast.Constant)]
+            if ast.unparse(node.func) in ("plural", "share", "word_for") and len(forms) == 2:
+                words = zip(*(str(form).split() for form in forms), strict=True)
+                if not all(is_one_of_many(one, many) for one, many in words):
+                    wrong.append((path.name, node.lineno, forms))
+    assert wrong == []
+    assert is_one_of_many("box", "boxes")
+    assert is_one_of_many("matches", "match")
+    assert not is_one_of_many("XXimage", "images")
+    assert not is_one_of_many("image", "XXimages")

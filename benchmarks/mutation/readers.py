@@ -11,6 +11,7 @@ import ast
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -31,15 +32,23 @@ class Readers:
     """The readers of every top-level name below the folders legoworld/ and tests/ of `root`."""
 
     def __init__(self, root: Path) -> None:
-        self._files: dict[str, _File] = {}
-        self._importers: dict[tuple[str, str], set[tuple[str, str]]] = defaultdict(set)
-        for folder in ("legoworld", "tests"):
-            for path in sorted((root / folder).rglob("*.py")):
-                name = path.relative_to(root).as_posix()
-                self._files[name] = _read(ast.parse(path.read_bytes()))
+        self._root = root
+
+    @cached_property
+    def _files(self) -> dict[str, _File]:
+        paths = [p for folder in ("legoworld", "tests") for p in (self._root / folder).rglob("*.py")]
+        return {
+            path.relative_to(self._root).as_posix(): _read(ast.parse(path.read_bytes()))
+            for path in sorted(paths)
+        }
+
+    @cached_property
+    def _importers(self) -> dict[tuple[str, str], set[tuple[str, str]]]:
+        importers: dict[tuple[str, str], set[tuple[str, str]]] = defaultdict(set)
         for name, file in self._files.items():
             for local, module, there in file.imports:
-                self._importers[_file(module, self._files), there].add((name, local))
+                importers[_file(module, self._files), there].add((name, local))
+        return importers
 
     def of(self, path: str, source: bytes, start: int) -> tuple[set[tuple[str, str]], set[str]]:
         """((file, qualified name) of the functions, test files) that read what the top-level
