@@ -36,10 +36,11 @@ class Readers:
 
     @cached_property
     def _files(self) -> dict[str, _File]:
-        paths = [p for folder in ("legoworld", "tests") for p in (self._root / folder).rglob("*.py")]
+        folders = [self._root / "legoworld", self._root / "tests"]
         return {
             path.relative_to(self._root).as_posix(): _read(ast.parse(path.read_bytes()))
-            for path in sorted(paths)
+            for folder in folders
+            for path in sorted(folder.rglob("*.py"))
         }
 
     @cached_property
