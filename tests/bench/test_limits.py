@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from starlette.requests import Request
 
-from legoworld.bench import archive, http_app
+from legoworld.bench import archive, http_app, score_worker
 from legoworld.bench.admission import Counts
 from legoworld.bench.archive import ArchiveError, UnpackLimits, unpack
 from legoworld.bench.harbor import HarborOptions, instruction
@@ -25,8 +25,11 @@ from legoworld.bench.harbor import _task_toml as task_toml
 from legoworld.bench.hidden import hidden_things
 from legoworld.bench.http_options import HttpOptions
 from legoworld.bench.procedural import PACKS, DrawRequest, draw_scenes
-from legoworld.errors import UsageError
+from legoworld.bench.reward import bench_reward
+from legoworld.errors import NotAssessedError, UsageError
+from legoworld.records.base import UNSET
 from legoworld.records.bench_dataset import BenchImage
+from legoworld.records.bench_results import ServeRequest
 
 
 def packed(kind: str, files: dict[str, bytes]) -> bytes:
@@ -361,3 +364,42 @@ def test_tokens_are_compared_whole_and_the_scheme_in_any_case(tmp_path):
         (token, False), (f"Bearer {token[:-1]}", False), ("", False),
     ]:  # fmt: skip
         assert made._knows(request({"authorization": given})) is known
+
+
+def scored_row(**changes: Any) -> Any:
+    known = {
+        "status": "ok", "reason": None, "valid": True, "R": 0.5, "A": 0.25, "S": 0.375,
+        "objects": (), "validity": None, "flags": (), "warnings": ("w",), "x": UNSET,
+    }  # fmt: skip
+    return SimpleNamespace(**known | changes)
+
+
+@pytest.mark.parametrize(
+    ("lone", "valid", "v"),
+    [(False, True, 1), (False, False, 0), (True, True, None), (True, False, 0)],
+)
+def test_an_answer_has_the_row_s_scores_and_no_v_of_a_lone_blend(lone, valid, v):
+    asked = ServeRequest(id="a", scene="s", image_id=3)
+    scene: Any = SimpleNamespace(lone=lone)
+    found = score_worker._answer(asked, scene, scored_row(valid=valid))
+    assert (v, 0.5, 0.25, 0.375) == (found.V, found.R, found.A, found.S)
+    assert (found.id, found.scene, found.image_id, found.warnings) == ("a", "s", 3, ("w",))
+    assert score_worker._answer(asked, scene, scored_row(R=None)).R == 0.0
+
+
+def test_the_parts_that_are_not_asked_for_are_the_last_that_are_offered():
+    worker: Any = SimpleNamespace(_options=SimpleNamespace(rules={"R": 1, "RA": 2}))
+    for asked, given in ((UNSET, "RA"), ("R", "R")):
+        request_: Any = SimpleNamespace(parts=asked)
+        assert score_worker.ScoreWorker._parts(worker, request_) == given
+
+
+def test_a_reward_that_is_there_is_kept_unless_it_is_to_be_replaced(tmp_path):
+    kept = tmp_path / "reward.json"
+    kept.write_text("mine")
+    with pytest.raises(UsageError):
+        bench_reward(tmp_path / "none", kept)
+    assert kept.read_text() == "mine"
+    with pytest.raises(NotAssessedError):
+        bench_reward(tmp_path / "none", kept, overwrite=True)
+    assert not kept.exists()
