@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from starlette.requests import Request
 
-from legoworld.bench import archive, http_app, score_worker
+from legoworld.bench import archive, http_app, http_server, score_worker
 from legoworld.bench.admission import Counts
 from legoworld.bench.archive import ArchiveError, UnpackLimits, unpack
 from legoworld.bench.harbor import HarborOptions, instruction
@@ -403,3 +403,10 @@ def test_a_reward_that_is_there_is_kept_unless_it_is_to_be_replaced(tmp_path):
     with pytest.raises(NotAssessedError):
         bench_reward(tmp_path / "none", kept, overwrite=True)
     assert not kept.exists()
+
+
+def test_headers_are_as_long_as_is_said_and_idle_clients_go(tmp_path):
+    config = http_server.http_server(app(tmp_path).asgi(), connections=74).config
+    assert config.h11_max_incomplete_event_size == 16 * 1024
+    assert (config.timeout_keep_alive, config.limit_concurrency) == (75, 74)
+    assert (config.lifespan, config.access_log, config.server_header) == ("off", False, False)
