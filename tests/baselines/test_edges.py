@@ -20,7 +20,7 @@ from legoworld.baselines.labels import LabelsUnmatchedError, Matcher, label_map
 from legoworld.baselines.normals import normals_source
 from legoworld.baselines.photo_names import PhotosUnmatchedError, file_name, place
 from legoworld.errors import UsageError
-from legoworld.evaluation.detection.inputs.box_formats import BoxFormatError
+from legoworld.evaluation.detection.inputs.box_formats import MAX_SHARE_OUTSIDE, BoxFormatError
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.records.baseline_messages import CameraSaid, DepthSaid, Message
 from legoworld.tracks.track import TrackImage
@@ -373,3 +373,13 @@ def test_what_a_provider_was_is_on_record():
         {"weights": []}, {"torch": "2"}, {"frames": 3},
     )  # fmt: skip
     assert photo_provider._record(asked(), Message(), {}).provenance == {}
+
+
+def test_a_share_of_boxes_may_leave_their_images():
+    """As many as the most that is allowed, and one more."""
+    n = round(1 / MAX_SHARE_OUTSIDE)
+    inside, outside = [60.0, 10.0, 90.0, 40.0], [60.0, 10.0, 190.0, 40.0]
+    for count, fits in ((1, True), (2, False)):
+        given = boxes(*[outside] * count, *[inside] * (n - count))
+        assert ("xyxy" in box_formats.other_formats(given, WIDE, "xywh")) is fits
+    box_formats.check_declared(boxes(outside, *[inside] * (n - 1)), WIDE, "xyxy")
