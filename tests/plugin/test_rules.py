@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from legoworld.plugin import acceptance, case, corrections, residuals, room, room_fit, room_install
+from legoworld.plugin import (
+    acceptance,
+    case,
+    corrections,
+    residuals,
+    result_pictures,
+    room,
+    room_fit,
+    room_install,
+)
 from legoworld.plugin import vanishing_points as vanishing
 from legoworld.plugin.diff import changes
 from legoworld.plugin.plan import plan_markdown
@@ -25,7 +34,14 @@ from legoworld.records.plugin_evidence import (
     RoomFace,
 )
 from legoworld.records.plugin_ledger import Declaration, Entry, HookMark
-from legoworld.records.plugin_requirements import Centroid, Existence, Overlap, Report, Result
+from legoworld.records.plugin_requirements import (
+    Centroid,
+    Existence,
+    Overlap,
+    Report,
+    Result,
+    Support,
+)
 from legoworld.records.plugin_state import Change, EntityState, SceneState
 
 NONE = "0" * 64
@@ -548,3 +564,56 @@ def test_directions_are_named_by_up_and_right(degrees):
     with pytest.raises(vanishing.UndeterminedError, match="could be up"):
         vanishing._upright(np.eye(3) @ half.T)
     assert vanishing._rotation(np.zeros(3)).tolist() == np.eye(3).tolist()
+
+
+def drawn(requirement: Any, *, region: bool = True) -> Any:
+    """The picture of a requirement about "cup" and "table", side by side on grey 90."""
+    masks = {"cup": np.s_[20:24, 20:24], "table": np.s_[20:24, 24:28]}
+    view: Any = SimpleNamespace(
+        _ground=np.full((60, 80, 3), 90, np.uint8), _buffers=None,
+        _entities=SimpleNamespace(surfaces=lambda name: masks.get(name)),
+        _evidence=SimpleNamespace(
+            region=lambda name: name if region else None,
+            mask=lambda _: mask_of(np.s_[30:34, 20:24]),
+        ),
+    )  # fmt: skip
+    return result_pictures._View.picture(view, requirement)
+
+
+def mask_of(place: Any) -> Any:
+    mask = np.zeros((60, 80), bool)
+    mask[place] = True
+    return mask
+
+
+def test_a_small_picture_has_the_entity_what_it_is_measured_against_and_the_outline(monkeypatch):
+    monkeypatch.setattr(result_pictures, "surface_pixels", lambda place, _: mask_of(place))
+    picture = drawn(Support(entity="cup", on="table"))
+    margin = round(0.25 * 7) + 8
+    assert picture.shape == (4 + 2 * margin, 8 + 2 * margin, 3)
+    at = picture[margin, margin], picture[margin, margin + 4], picture[0, 0]
+    assert [colour.tolist() for colour in at] == [[56, 110, 200], [70, 156, 90], [90, 90, 90]]
+    outlined = drawn(Centroid(entity="nobody", region="r"))
+    orange = (outlined == (255, 120, 0)).all(axis=2)
+    assert int(orange.sum()) == 16 - 1 + 8, "the rim of 4 x 4 pixels, grown"
+    assert drawn(Centroid(entity="nobody", region="r"), region=False) is None
+
+
+def test_a_small_picture_is_never_larger_than_240_pixels_nor_scaled_up():
+    picture, shown = np.zeros((900, 1200, 3), np.uint8), np.zeros((900, 1200), bool)
+    shown[100:800, 200:1000] = True
+    assert max(result_pictures._crop_picture(picture, shown).shape) == 240
+    shown[:] = False
+    shown[0, 0] = True
+    assert result_pictures._crop_picture(picture, shown).shape == (9, 9, 3)
+    shown[0, :] = True
+    assert result_pictures._crop_picture(picture, shown).shape[:2] == (round(309 / 5), 240)
+
+
+def test_near_is_light_and_nothing_is_black():
+    depth = np.array([[1.0, 2.0, 4.0, np.inf, 0.0]])
+    shade = result_pictures._shade_depth(SimpleNamespace(depth_z_m=depth))  # type: ignore[arg-type]
+    assert shade[0, :, 0].tolist() == [220, 140, 100, 0, 0]
+    assert (shade == shade[..., :1]).all()
+    empty = result_pictures._shade_depth(SimpleNamespace(depth_z_m=depth[:, 3:]))  # type: ignore[arg-type]
+    assert not empty.any()
