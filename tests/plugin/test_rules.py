@@ -16,6 +16,7 @@ from legoworld.plugin import (
     acceptance,
     case,
     corrections,
+    measure,
     residuals,
     result_pictures,
     room,
@@ -36,6 +37,7 @@ from legoworld.records.plugin_evidence import (
 from legoworld.records.plugin_ledger import Declaration, Entry, HookMark
 from legoworld.records.plugin_requirements import (
     Centroid,
+    Correction,
     Existence,
     Overlap,
     Report,
@@ -284,7 +286,7 @@ def test_a_commit_that_measured_all_that_stands_is_a_report():
 def test_changes_are_told_five_at_most():
     edits = [Change(entity=f"o{n}", kind="mesh") for n in range(7)]
     assert case.told_changes(edits[:5]).endswith("o4 (mesh)")
-    assert case.told_changes(edits).endswith("o4 (mesh), and 2 more")
+    assert case.told_changes(edits).endswith("o4 (mesh) and 2 more")
     assert case.told_changes(edits[:1]) == "o0 (mesh)"
 
 
@@ -617,3 +619,37 @@ def test_near_is_light_and_nothing_is_black():
     assert (shade == shade[..., :1]).all()
     empty = result_pictures._shade_depth(SimpleNamespace(depth_z_m=depth[:, 3:]))  # type: ignore[arg-type]
     assert not empty.any()
+
+
+@pytest.mark.parametrize(("in_plane_m", "found"), [(1.0, (3.0, 4.0, 0.0)), (0.999, None)])
+def test_a_move_on_the_ground_is_at_most_five_times_as_long(in_plane_m, found):
+    viewed: Any = None
+    jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    move = corrections.Viewed._on_ground(viewed, jacobian, np.array([3.0, 4.0]), in_plane_m)
+    assert move == found
+    assert corrections.Viewed._on_ground(viewed, jacobian * 0, np.zeros(2), in_plane_m) is None
+
+
+@pytest.mark.parametrize(
+    ("residual", "verdict", "corrected"),
+    [(0.0, "pass", False), (1e-9, "pass", True), (0.02, "pass", True), (0.0201, "fail", True)],
+)
+def test_a_result_has_a_correction_from_any_residual_on(residual, verdict, corrected, monkeypatch):
+    monkeypatch.setattr(measure, "_tolerance", lambda _: 0.02)
+    asked = Centroid(entity="cup", region="cup")
+    stood_in: Any = SimpleNamespace(
+        _values=lambda _: (0.5, residual), _correction=lambda *_: Correction(scale=2.0)
+    )
+    found = measure._Measurement.result(stood_in, asked)
+    assert (found.verdict, found.measurement, found.residual) == (verdict, 0.5, residual)
+    assert (found.tolerance, found.correction is not None) == (0.02, corrected)
+
+
+def test_the_longest_300_segments_are_kept():
+    noise = np.random.default_rng(1).integers(0, 255, (60, 80), np.uint8)
+    picture = np.kron(noise, np.ones((16, 16), np.uint8))
+    found = vanishing._segments(picture)
+    lengths = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
+    assert len(found) == 300
+    assert (np.diff(lengths) <= 0).all()
+    assert lengths.min() >= 0.02 * math.hypot(*picture.shape)
