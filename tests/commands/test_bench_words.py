@@ -60,7 +60,7 @@ def cell(share: float, n: int, ties: int = 0, **more: int) -> Any:
 AGREEMENT: Any = SimpleNamespace(
     matrix={"a": {"x": cell(0.5, 2, 1, failed=2), "y": cell(1.0, 3, score_ties=4)},
             "b": {"y": cell(0.25, 4, both_bad=3)}},
-    self_mean=0.5, cross_mean=None, self_above_others=1, builders=2,
+    self_mean=0.5, cross_mean=None, by_gap={"1-2": cell(0.875, 8)}, self_above_others=1, builders=2,
     order_swaps={"x": SimpleNamespace(share=None, swapped=0, first_share=0.5),
                  "y": SimpleNamespace(share=0.75, swapped=4, first_share=0.625)},
 )  # fmt: skip
@@ -68,12 +68,13 @@ AGREEMENT: Any = SimpleNamespace(
 
 def test_judgements_are_a_matrix_with_their_counts():
     lines = _matrix(AGREEMENT).splitlines()
-    assert [line.split() for line in [lines[0], *lines[2:-4]]] == [
+    assert [line.split() for line in [lines[0], *lines[2:-5]]] == [
         ["builder", "x", "y"], ["a", "50.0", "100.0"], ["b", "-", "25.0"],
     ]  # fmt: skip
-    assert lines[-4:] == [
+    assert lines[-5:] == [
         "9 judgements: 1 ties, 3 both_bad, 2 failed; the score ties in 4",
         "own builds 50.00, others' -; own above the others' mean for 1 of 2 builders",
+        "gap 1-2: 87.5 of 8",
         "x: the same choice in - of 0 swapped items; chose the first shown in 50.0%",
         "y: the same choice in 75.0% of 4 swapped items; chose the first shown in 62.5%",
     ]
