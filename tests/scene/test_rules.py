@@ -18,6 +18,8 @@ from legoworld.scene import freeze, pictures, urdf
 from legoworld.scene.blender import truncated_output
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.freeze import FileHash, FrozenFiles
+from legoworld.scene.hair import tubes
+from legoworld.scene.hair.strands import Strands
 from legoworld.scene.outside_files import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.pictures import PictureTooLargeError, claimed_size_wh, decoded_picture
 from legoworld.scene.programs import report as program_report
@@ -326,3 +328,26 @@ def test_a_report_has_so_many_warnings_of_one_line_each(tmp_path):
     assert program_report.read_report(None) == ProgramReport()
     path.write_text(canonical(ProgramReport(at="export", ok=False)))
     assert program_report.read_report(path).reason is not None
+
+
+@pytest.mark.parametrize("radii", [(0.5, 0.5, 0.2), (0.1, 0.4, 0.4), (0.3, 0.3, 0.0)])
+def test_a_tube_touches_the_spheres_of_its_points(radii):
+    """A cone ends in the circles along which it is tangent to both spheres, each as an octagon
+    whose corners lie as far outside of it as its sides lie inside."""
+    points = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 1.0], [2.0, 3.0, 1.0]])
+    strands = Strands(points=points, radius=np.array(radii), start=np.array([0, 3]))
+    vertices, triangles = tubes._cones(strands, 8)
+    assert (len(vertices), len(triangles)) == (2 * 2 * 8, 2 * 2 * 8)
+    for part, (first, second) in enumerate(((0, 1), (1, 2))):
+        way = points[second] - points[first]
+        size = np.linalg.norm(way)
+        sine = (radii[first] - radii[second]) / size
+        for ring, point in zip(
+            vertices[16 * part :][:16].reshape(2, 8, 3), (first, second), strict=True
+        ):
+            away = ring - points[point]
+            along = away @ way / size
+            assert along == pytest.approx(radii[point] * sine, abs=1e-6)
+            corner = np.sqrt(np.einsum("ij,ij->i", away, away) - along**2)
+            circle = radii[point] * math.sqrt(1 - sine**2)
+            assert corner * (1 + math.cos(math.pi / 8)) / 2 == pytest.approx(circle, abs=1e-6)
