@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from scene.gltf.documents import Document, boxes, read
 
-from legoworld.errors import NonFiniteGeometryError, UnsupportedCameraError
-from legoworld.scene.gltf.cameras import picture_size_wh
+from legoworld.errors import NoCameraError, NonFiniteGeometryError, UnsupportedCameraError
+from legoworld.scene.gltf.cameras import picture_size_wh, scene_camera
+from legoworld.scene.gltf.container import parse_glb
+from legoworld.scene.gltf.nodes import node_tree
 from legoworld.scene.gltf.verdicts import UnreadableGltfError
 from legoworld.visibility.camera import projection
 
@@ -150,3 +153,15 @@ def test_the_picture_is_of_the_cameras_aspect():
     assert extreme.render.size_wh == (1920, 1080)
     narrowest = read(perspective(yfov=0.5, aspectRatio=1 / 8192).glb())
     assert narrowest.render.size_wh == (1, 8192)
+
+
+def test_a_scene_without_a_camera_has_one_only_where_any_will_do():
+    document = parse_glb(perspective(yfov=1.5).glb()).document
+    tree = node_tree(document)
+    found = [scene_camera(document, tree, any_camera=any_camera) for any_camera in (False, True)]
+    assert found[0] == found[1]
+    empty = replace(tree, nodes=tuple(node for node in tree.nodes if node.camera < 0))
+    default, aspect, warnings = scene_camera(document, empty, any_camera=True)
+    assert (default.lens_mm, aspect, warnings) == (50.0, None, ())
+    with pytest.raises(NoCameraError):
+        scene_camera(document, empty)
