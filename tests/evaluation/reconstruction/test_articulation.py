@@ -273,3 +273,15 @@ def test_what_is_there_is_counted_point_by_point():
     assert 0 < found[0].object < 1
     assert found[3] == Present(object=expected[1].object, part=None)
     assert found[4] == Present(object=None, part=None)
+
+
+def test_an_axis_beside_itself_is_apart_by_no_angle_however_it_rounds() -> None:
+    axis = (1 / math.sqrt(3),) * 3
+    axes = [
+        axis,
+        *(tuple(v / np.linalg.norm(v)) for v in np.random.default_rng(0).normal(size=(99, 3))),
+    ]
+    assert max(float(np.dot(one, one)) for one in axes) > 1.0
+    for one in axes:
+        joint = replace(DOOR, axis_cam=tuple(map(float, one)))
+        assert outcome(joint, submitted(joint)) == "correct"
