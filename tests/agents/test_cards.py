@@ -12,6 +12,7 @@ from agents.tracks import make_track, server_or_skip
 from msgspec import structs
 
 from legoworld import cli
+from legoworld.agents import mcp_server
 from legoworld.agents.agent_cards import (
     PLACEHOLDERS,
     agent_cards,
@@ -232,3 +233,24 @@ def test_list_and_check_say_it(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert cli.run(["agent", "check", "claude", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["name"] == "claude"
+
+
+def test_the_server_is_told_where_blender_is_and_keeps_to_itself(tmp_path, monkeypatch):
+    monkeypatch.setattr(mcp_server, "server_python", lambda: tmp_path / "bin" / "python")
+    server = blender_server(9900, tmp_path / "pictures")
+    assert (server.name, server.arguments) == ("blender", ())
+    assert server.command.startswith(str(tmp_path / "bin"))
+    assert server.variables == {
+        "BLENDER_HOST": "127.0.0.1", "BLENDER_PORT": "9900", "DISABLE_TELEMETRY": "1",
+        "TMPDIR": str(tmp_path / "pictures"),
+    }  # fmt: skip
+
+
+def test_a_card_is_known_by_its_name_or_its_path(monkeypatch):
+    monkeypatch.setattr("legoworld.agents.agent_cards.read_agent_card", lambda path: path)
+    shipped = load_agent("codex")
+    assert (shipped.name, load_agent(str(shipped))) == ("codex.toml", shipped)
+    with pytest.raises(UsageError, match=r"expected: .*codex.* or the path of a card"):
+        load_agent("codex.tom")
+    with pytest.raises(UsageError):
+        load_agent("none/codex.toml")
