@@ -154,7 +154,10 @@ class PageStep(Record, frozen=True, kw_only=True):
 
 
 class PageTrial(Record, frozen=True, kw_only=True):
-    """One trial. photo, final: pictures as data URLs, null where there is none."""
+    """One trial. photo, final: pictures as data URLs, null where there is none.
+
+    glb: the place of the submission among the page's scenes, null with the reason in glb_said.
+    """
 
     scene: str
     agent: str
@@ -163,6 +166,8 @@ class PageTrial(Record, frozen=True, kw_only=True):
     seconds: float
     photo: str | None
     final: str | None
+    glb: int | None
+    glb_said: str
     final_q: float | None
     regret: float | None
     steps: tuple[PageStep, ...]

@@ -18,14 +18,14 @@ _LEFT: Final = re.compile(r"^\s*(?:import|export)\b.*$", re.MULTILINE)
 
 
 @cache
-def page_script() -> str:
-    """main.js and everything it imports, each module once, after those it needs.
+def page_script(main: str = MAIN) -> str:
+    """A module and everything it imports, each module once, after those it needs.
 
     Modules share one scope, so a name stands for one thing in all of them: a browser refuses a
     script that declares one twice. Only named imports and exports of a line are understood.
     """
     order: dict[str, str] = {}
-    _add(MAIN, order, ())
+    _add(main, order, ())
     return "".join(order.values())
 
 

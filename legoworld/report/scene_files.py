@@ -61,7 +61,7 @@ class SceneFiles:
         render, render_said = self._file(
             name, RENDER, files.get(RENDER), self._render_of, self._add_render
         )
-        glb, glb_said = self._file(name, GLB, files.get(GLB), self._glb_of, self._add_glb)
+        glb, glb_said = self._file(name, GLB, files.get(GLB), self._glb_of, self.add_glb)
         return PageScene(
             render=render,
             render_said=render_said,
@@ -82,7 +82,7 @@ class SceneFiles:
         glb, glb_said = None, "no --scenes was given"
         if self.folders and scene is not None:
             sha256 = (scene.files or {}).get(GLB)
-            glb, glb_said = self._file(scene.scene or "", GLB, sha256, self._glb_of, self._add_glb)
+            glb, glb_said = self._file(scene.scene or "", GLB, sha256, self._glb_of, self.add_glb)
         camera = None if row.camera is UNSET else row.camera
         return PageScene(
             render=at,
@@ -137,7 +137,8 @@ class SceneFiles:
         self.renders.append(picture.webp)
         return len(self.renders) - 1, ""
 
-    def _add_glb(self, path: Path) -> tuple[int | None, str]:
+    def add_glb(self, path: Path) -> tuple[int | None, str]:
+        """Take a scene.glb: its place in glbs, or None and why it is not shown."""
         if path.stat().st_size > MOST_BYTES:
             size = f"{path.stat().st_size / 1e6:.0f} MB"
             return None, f"{path.parent.name}/{path.name} is {size}: more than a page shows"

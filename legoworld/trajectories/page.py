@@ -34,9 +34,11 @@ from legoworld.records.trajectories import (
     TrajectoryFile,
     TrajectoryScore,
 )
-from legoworld.report.page_script import SCRIPTS
+from legoworld.report.page_file import THREE
+from legoworld.report.page_script import SCRIPTS, page_script
 from legoworld.report.photos import find_photo
-from legoworld.scene.folder import PICTURE
+from legoworld.report.scene_files import SceneFiles
+from legoworld.scene.folder import GLB, PICTURE
 from legoworld.scene.pictures import MOST_PHOTO_PX, MOST_PX
 from legoworld.tables.html import html
 from legoworld.tables.table import Cell, Number, Table, table
@@ -132,7 +134,8 @@ def write_page(
     report: the address of a report's page, for a link from each trial.
     """
     document = read_scores(scores)
-    shown = [_trial(trial, find_score(document, trial), photos, scores) for trial in trials]
+    files = SceneFiles(folders=())
+    shown = [_trial(trial, find_score(document, trial), photos, scores, files) for trial in trials]
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=select_autoescape(default=True)
     )
@@ -141,13 +144,20 @@ def write_page(
         tables=[Markup(html(table)) for table in _tables(document)],
         style=Markup((SCRIPTS / "report.css").read_text(encoding="utf-8")),
         report=report,
+        three=Markup((SCRIPTS / THREE).read_text(encoding="utf-8")) if files.glbs else "",
+        in_3d=Markup(page_script("scene3d.js")) if files.glbs else "",
+        glbs=[base64.b64encode(glb).decode("ascii") for glb in files.glbs],
         version=__version__,
     )
     write_text(path, page)
 
 
 def _trial(
-    trial: RecordedTrial, score: TrajectoryScore | None, photos: Path | None, scores: Path | None
+    trial: RecordedTrial,
+    score: TrajectoryScore | None,
+    photos: Path | None,
+    scores: Path | None,
+    files: SceneFiles,
 ) -> PageTrial:
     about = trial.about
     lowered = {edit.call: edit for edit in (drops(score) if score else ())}
@@ -189,6 +199,8 @@ def _trial(
         )
     found = None if photos is None else find_photo(photos, about.file_name)
     photo = None if found is None else _picture(found, MOST_PHOTO_PX)
+    glb_file = trial.folder / GLB
+    glb, said = files.add_glb(glb_file) if glb_file.is_file() else (None, f"there is no {GLB}")
     return PageTrial(
         scene=about.scene,
         agent=about.agent,
@@ -197,6 +209,8 @@ def _trial(
         seconds=about.agent_seconds,
         photo=photo,
         final=_picture(trial.folder / PICTURE),
+        glb=glb,
+        glb_said=said,
         final_q=score.final_q if score else None,
         regret=score.regret if score else None,
         steps=tuple(steps),

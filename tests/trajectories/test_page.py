@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import shutil
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,6 +25,7 @@ from legoworld import cli
 from legoworld.trajectories.page import _picture, _tables, calls_table, write_page
 from legoworld.trajectories.score_checkpoints import _groups, slot_folder
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 
 
@@ -177,6 +179,24 @@ def test_the_page_and_the_report_lead_to_each_other(chrome, tmp_path):
         "page.html#room"
     )
     chrome.said.clear()
+
+
+def test_the_submission_is_there_in_3d_from_its_own_camera(chrome, tmp_path):
+    trial = recorded(tmp_path / "scenes")
+    write_page([trial], tmp_path / "page.html", photos=None, scores=None)
+    chrome.open(tmp_path / "page.html")
+    assert chrome.js("document.getElementById('in3d').textContent") == "there is no scene.glb"
+    shutil.copy(EXAMPLES / "chelsea" / "scene.glb", trial.folder / "scene.glb")
+    write_page([trial], tmp_path / "page.html", photos=None, scores=None)
+    chrome.said.clear()
+    chrome.open(tmp_path / "page.html")
+    chrome.until("document.querySelector('#in3d[data-ready]')")
+    drawn = "document.querySelector('#in3d canvas').toDataURL()"
+    before = chrome.js(drawn)
+    chrome.page.locator("#in3d canvas").focus()
+    chrome.key("ArrowRight")
+    assert chrome.js(drawn) != before
+    assert [said for said in chrome.said if "GPU stall" not in said] == []
 
 
 def test_keys_scrub_and_a_drop_leads_to_its_call(chrome, page):

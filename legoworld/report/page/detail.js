@@ -10,7 +10,7 @@ import { describe } from "./outcomes.js";
 import { here, moveTo, noteInAddress } from "./place.js";
 import { drawFirst, questionList } from "./relations.js";
 import { shownItems, stageOf } from "./stage.js";
-import { DATA, LEFT_BEHIND, sectionOf, withView } from "./views.js";
+import { DATA, leftBehind, sectionOf, withView } from "./views.js";
 
 /* What keys act on while a photo is open. */
 let OPEN = null;
@@ -41,7 +41,7 @@ export function showDetail(section, place) {
     if (target) { target.focus({ preventScroll: true }); }
     OPEN.ready();
   }, () => {
-    panel.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: " + LEFT_BEHIND]));
+    panel.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: " + leftBehind()]));
   });
 }
 
@@ -65,7 +65,7 @@ function otherTasks(at) {
         open.push(made);
         body.replaceChildren(made.root);
         made.ready();
-      }, () => { body.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: " + LEFT_BEHIND])); });
+      }, () => { body.replaceChildren(el("p", { class: "note" }, ["Its picture and shapes are not here: " + leftBehind()])); });
     });
     return node;
   });

@@ -5,7 +5,7 @@ import { button, el } from "./elements.js";
 import { objectErrors } from "./object_errors.js";
 import { orbitCanvas, orbitStage, pinholeEye, rendererOn, threeJs } from "./orbit.js";
 import { WORDS } from "./outcomes.js";
-import { LEFT_BEHIND, withScene } from "./views.js";
+import { leftBehind, withScene } from "./views.js";
 
 const COLOURS = { tp: 0x2f8fd0, fp: 0xe8641b, other: 0xb9bec4, none: 0x8d9399, hot: 0xffffff };
 
@@ -28,21 +28,29 @@ export function sceneChoices(view, items, links) {
             depthErrors(view.depth, k), view))
             .then((made) => { shown = made; })
             .catch((error) => fail("The scene cannot be shown: " + error.message));
-        }, () => fail("The scene is not here: " + LEFT_BEHIND));
+        }, () => fail("The scene is not here: " + leftBehind()));
         return view.depth ? el("div", {}, [host]) : host;
       },
       close: () => { if (shown) { shown.close(); shown = null; } } }];
   });
 }
 
-async function openScene(host, text, camera, items, links, errors, view) {
+/**
+ * A scene in a host, from a camera or from its own first one, coloured by its items' outcomes.
+ * @param {any} host
+ * @param {any} [links]
+ * @param {any} [errors]
+ * @param {any} [view]
+ * @returns {Promise<any>}
+ */
+export async function openScene(host, text, camera = null, items = [], links = null, errors = null, view = null) {
   const three = threeJs();
   const canvas = orbitCanvas("the scene in 3D");
   const renderer = rendererOn(three, canvas);
   const gltf = await parsed(three, text);
   const world = new three.Scene();
   world.add(gltf.scene, new three.HemisphereLight(0xffffff, 0x8a8378, 2.4));
-  const eye = cameraOf(three, camera, gltf.scene);
+  const eye = camera ? cameraOf(three, camera, gltf.scene) : ownCamera(gltf);
   if (errors) { host.after(objectErrors(three, gltf.scene, eye, view.depth.size_wh, errors.relative)); }
   const sun = new three.DirectionalLight(0xffffff, 1.6);
   sun.position.set(0.5, 1, 1);
@@ -51,7 +59,7 @@ async function openScene(host, text, camera, items, links, errors, view) {
   const bodies = bodiesOf(gltf.scene, items);
   const state = { plain: !items.length, lit: new Set() };
   const stage = orbitStage(three, { host, renderer, eye, world, target: ahead(three, eye, gltf.scene),
-    size_wh: camera.size_wh, before: () => paint(three, bodies, state) });
+    size_wh: camera ? camera.size_wh : [eye.aspect, 1], before: () => paint(three, bodies, state) });
   const colours = button("materials", () => {
     state.plain = !state.plain;
     colours.textContent = state.plain ? "outcomes" : "materials";
@@ -60,11 +68,23 @@ async function openScene(host, text, camera, items, links, errors, view) {
   const back = button("photo's camera", stage.home);
   const key = el("span", { class: "scene-key" }, (items.length ? ["tp", "fp"] : []).map((layer) => el("span", {}, [
     el("span", { class: "key k-" + layer }), " " + WORDS[layer] + " "])));
-  pickable(three, canvas, eye, bodies, links);
-  links.listen((lit) => { state.lit = lit; stage.draw(); });
+  if (links) {
+    pickable(three, canvas, eye, bodies, links);
+    links.listen((lit) => { state.lit = lit; stage.draw(); });
+  }
   host.replaceChildren(canvas, el("div", { class: "scene-bar" }, [key, items.length ? colours : null, back]));
   stage.begin();
   return stage;
+}
+
+/* The first camera of the file, apart from its place among the nodes. */
+function ownCamera(gltf) {
+  const own = gltf.cameras[0];
+  if (!own || !own.aspect) { throw new Error("it has no camera in perspective"); }
+  own.updateWorldMatrix(true, false);
+  const eye = own.clone();
+  own.matrixWorld.decompose(eye.position, eye.quaternion, eye.scale);
+  return eye;
 }
 
 function parsed(three, text) {

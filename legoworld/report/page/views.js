@@ -53,7 +53,7 @@ function beside(kind, at, ending) {
     "." + ending;
 }
 
-export const LEFT_BEHIND = "keep the folder " + DATA.beside.folder + " beside this page.";
+export function leftBehind() { return "keep the folder " + DATA.beside.folder + " beside this page."; }
 
 export function sectionOf(key) { return DATA.sections.find((s) => s.key === key); }
 
