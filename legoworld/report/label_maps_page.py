@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, NamedTuple, cast
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 from msgspec.structs import replace
@@ -44,8 +44,8 @@ class _Mend(NamedTuple):
     mended: (4,) without it; words: of the error, after the category's name.
     """
 
-    mended: Callable[[F64], Sequence[float]]
-    words: Callable[[F64], str]
+    mended: Callable[[Any], Sequence[float]]
+    words: Callable[[Any], str]
 
 
 def _share(part: float, whole: float) -> str:
@@ -102,6 +102,11 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
 
     ids = present_categories(rows)
     sums, of_answered = total_sums(rows, ids), total_sums(answered, ids)
+    present = {row.image_id: (present_categories([row]), row) for row in answered}
+    own = {
+        image: dict(zip(mine, total_sums([row], mine).tolist(), strict=True))
+        for image, (mine, row) in present.items()
+    }
     found: dict[Key, Finding] = {}
     before = value(sums, ids)
     for k, category in enumerate(ids):
@@ -114,7 +119,11 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
             found[kind, category] = Finding(
                 text=f"{known[category].name}: {mend.words(of_answered[k])}",
                 gain=value(after, ids) - before,
-                images=[row.image_id for row in answered if _has(row, category, mend)],
+                images=[
+                    image
+                    for image, of in own.items()
+                    if category in of and [*mend.mended(of[category])] != of[category]
+                ],
                 category=category,
             )
     there = present_categories(answered)
@@ -129,15 +138,6 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
         value=before,
         answered=value(total_sums(answered, there), there) if answered else None,
     )
-
-
-def _has(row: LabelMapRow, category: int, mend: _Mend) -> bool:
-    """Whether an image has the error."""
-    if str(category) not in row.counts:
-        return False
-    ids = present_categories([row])
-    own = total_sums([row], ids)[ids.index(category)]
-    return bool((np.array(mend.mended(own)) != own).any())
 
 
 def _fill(

@@ -91,6 +91,8 @@ def photo_mended(mending: Mending, task: str, view: Any) -> Regions:
     """
     of, found = mending.of(task, view), Regions()
     errors, base = of.errors_of(of.predicted), of.score(of.predicted)
+    if not np.isfinite(errors).any():  # what is predicted lies between the drawn pixels
+        return found
     region = _worst(errors, mending.far)
     if region is not None:  # measured without it, it is found whole
         region = _worst(of.errors_of(of.without(region)), mending.far)
