@@ -194,6 +194,8 @@ def _false(
             one = _false_one(p, truth, names, _off(task, side.entries[d], p, truth))
             if t is not None and p.k == "localisation":
                 one = replace(one, do=_how_to_fit(task, image, side, names, (d, t)))
+            elif t is not None and p.k == "classification" and side.errors.truth[t] == "found":
+                one = replace(one, do="that object is detected already: remove it or its category")
         by_advice.setdefault(one, []).append(d)
         about.setdefault(one, []).extend([] if t is None else [t])
     return [

@@ -269,6 +269,15 @@ def test_an_edge_is_named_by_its_own_side(box, said):
     assert _edges(box, (10, 20, 30, 40)) == f"edges out (+) or in (-): {said}"
 
 
+def test_another_label_is_advised_only_where_it_would_find_the_object() -> None:
+    truth, wrong = ((10, 10, 40, 40), CUP), ((10, 10, 40, 38), TABLE, "fp")
+    (found,) = advice("coco", [truth], [wrong])
+    what = "table stands where the annotation is cup (IoU 0.95)"
+    assert found == f"{what} => if it is one, set category = cup on it"
+    taken = advice("coco", [truth], [((10, 10, 40, 40), CUP, "tp"), wrong])
+    assert taken == [f"{what} => that object is detected already: remove it or its category"]
+
+
 def nested(own: int, part: int) -> list[str]:
     """A truth of 40 x 40; a prediction without its lower half, and one of that half."""
     return advice(
