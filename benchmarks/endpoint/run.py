@@ -1,6 +1,6 @@
 """What the endpoint costs beside the agent's own code: a call, a checkpoint, eight trials at once.
 
-    python benchmarks/endpoint/run.py [--calls 200] [--trials 8]
+    python benchmarks/endpoint/run.py [--calls 200] [--trials 8] [--growth 1000]
 
 Everything is measured side by side in one run, on a machine that may be busy: medians, and ratios
 of what alternates. Blender's own save is timed inside Blender, by its own process.
@@ -146,10 +146,47 @@ def together(folder: Path, trials: int) -> dict[str, Any]:
     return {"s": time.perf_counter() - begun, "objects": sorted(said.values()), "trials": trials}
 
 
+HELD = """
+import os
+pages = int(open("/proc/self/statm").read().split()[1])
+print(pages * os.sysconf("SC_PAGE_SIZE"), len(os.listdir("/proc/self/fd")))
+"""
+
+
+def growth(folder: Path, n: int) -> dict[str, Any]:
+    """MB and descriptors of Blender and of legoworld after a tenth of n calls and after all.
+
+    A third of them each: a change, an error, a look at the scene; one object moves, so that the
+    scene keeps its size.
+    """
+    with closing(session(folder)) as made, EndpointServer(made, 0) as server:
+        client = Client(server.port)
+        client.ask("execute_code", code=ROOM.format(objects=20))
+        found = {}
+        for number in range(1, n + 1):
+            if number % 3 == 0:
+                client.ask("get_scene_info")
+            else:
+                client.ask("execute_code", code=MOVE if number % 3 == 1 else "1 / 0")
+            if number in (n // 10, n):
+                said = client.ask("execute_code", code=HELD)[0]["result"]["result"]
+                bytes_of_blender, of_blender = map(int, said.split())
+                pages = int(Path("/proc/self/statm").read_text().split()[1])
+                found[f"after {number}"] = {
+                    "Blender MB": round(bytes_of_blender / 1e6, 1),
+                    "Blender descriptors": of_blender,
+                    "legoworld MB": round(pages * os.sysconf("SC_PAGE_SIZE") / 1e6, 1),
+                    "legoworld descriptors": len(os.listdir("/proc/self/fd")),  # noqa: PTH208
+                    "legoworld threads": threading.active_count(),
+                }
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--calls", type=int, default=200)
     parser.add_argument("--trials", type=int, default=8)
+    parser.add_argument("--growth", type=int, default=1000)
     given = parser.parse_args()
     print(json.dumps({"cores": os.cpu_count(), "load": os.getloadavg()[0]}))
     with tempfile.TemporaryDirectory() as name:
@@ -158,6 +195,7 @@ def main() -> None:
         for objects in (10, 100, 400):
             found = checkpoints(folder / f"c{objects}", objects, 15)
             print(json.dumps({f"checkpoint, {objects} spheres": found}))
+        print(json.dumps({"growth": growth(folder / "growth", given.growth)}))
         print(json.dumps({"at once": together(folder / "together", given.trials)}))
 
 
