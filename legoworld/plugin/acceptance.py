@@ -35,6 +35,8 @@ _HIDDEN: Final = 0.05
 #: An IoU of less, and more tolerances than this, are no worse: what cannot be measured counts so.
 _LEAST_IOU: Final = 0.01
 _MOST_TOLERANCES: Final = 10.0
+#: So much more mean closeness is no chance.
+_CLEARLY: Final = 0.1
 #: What the other residuals count beside an IoU: they order what does not overlap yet.
 _HINT: Final = 0.06
 
@@ -63,6 +65,17 @@ def mean_closeness(results: Iterable[Result]) -> float:
         closeness(r for r, _ in some) for some in _by_entity((r, r) for r in results).values()
     ]
     return sum(values) / len(values) if values else 0.0
+
+
+def clearly_closest(scenes: Sequence[Sequence[Result]]) -> int:
+    """The position of the last scene, or of the closest, where it is clearly closer than the last.
+
+    scenes: results of the same requirements. An agent's last scene is often its best, and the mean
+    closeness orders only scenes that are far apart.
+    """
+    means = [mean_closeness(results) for results in scenes]
+    best = max(range(len(means)), key=lambda position: (means[position], position))
+    return best if means[best] >= means[-1] + _CLEARLY else len(means) - 1
 
 
 def rule_of(requirement: Requirement) -> Literal["passes", "improves", "not_worse", "together"]:
