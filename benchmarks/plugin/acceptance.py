@@ -1,6 +1,6 @@
 """Which rule of acceptance makes scenes better? Edits of an agent that errs, by rule.
 
-    python benchmarks/plugin/acceptance.py DATASET KEPT_SCENES [--runs 3] [--workers 2]
+    python benchmarks/plugin/acceptance.py DATASET KEPT_SCENES [--workers 2]
 
 DATASET and KEPT_SCENES: of `legoworld bench make references -o DATASET --size 480x270 --samples 16
 --noise-seeds 0 --keep-scenes KEPT_SCENES`, over the families of examples/bench/build.py.
@@ -198,8 +198,6 @@ RULES: dict[str, Rule] = {
     "its mask IoU does not fall": overlap_holds,
     "**closeness does not fall**": closer,
 }
-#: Which of them guard an agent that makes no edits but corrections.
-FOLLOWED = ("none", "its mask IoU does not fall", "**closeness does not fall**")
 
 
 @dataclass(kw_only=True)
@@ -271,21 +269,6 @@ def walk(
     return made
 
 
-def follow(scene: Scene, seed: int, rule: Rule) -> float:
-    """R after as many edits that take the worst object's correction, each kept by a rule."""
-    random = np.random.default_rng(seed)
-    poses = {name: off(random, 0.3) for name in scene.study.names}
-    tried: dict[str, int] = {}
-    for _ in range(EDITS):
-        before, _ = scene.seen(poses)
-        worst = max(poses, key=lambda n: _mean(_of(before, n)) / 2 ** tried.get(n, 0))
-        tried[worst] = tried.get(worst, 0) + 1
-        pose = corrected(scene.study, before, worst, poses[worst], 1.0)
-        if pose is not None and rule(before, scene.seen({**poses, worst: pose})[0], worst):
-            poses = {**poses, worst: pose}
-    return scene.seen(poses)[1]
-
-
 def try_rules(scene: Scene, seeds: Sequence[int], harmful_share: float) -> dict[str, Outcome]:
     """Every rule over the same edits of one scene."""
     outcomes = {}
@@ -331,12 +314,11 @@ class Job:
 
 @dataclass(frozen=True, kw_only=True)
 class Tried:
-    """itself: A of the scene unchanged; outcomes: by share and rule; followed: R by rule."""
+    """itself: A of the scene unchanged; outcomes: by share and rule."""
 
     family: str
     itself: float
     outcomes: dict[float, dict[str, Outcome]]
-    followed: dict[str, list[float]]
 
 
 def try_scene(job: Job) -> Tried:
@@ -355,7 +337,6 @@ def try_scene(job: Job) -> Tried:
             family=case.stem.split("__")[0],
             itself=appearances.a_of({}, PROTOCOL.delta),
             outcomes={share: try_rules(scene, seeds, share) for share in HARMFUL},
-            followed={n: [follow(scene, seed, RULES[n]) for seed in seeds] for n in FOLLOWED},
         )
         appearances.close()
     print(f"{case.stem}: {len(study.names)} objects", file=sys.stderr, flush=True)
@@ -368,7 +349,7 @@ def main() -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("scenes", type=Path)
     parser.add_argument("--only", default="__hard__view_00")
-    parser.add_argument("--runs", type=int, default=3, help="of each scene: seeds from 0")
+    parser.add_argument("--runs", type=int, default=2, help="of each scene: seeds from 0")
     parser.add_argument("--pictures", type=Path, help="renders that stay [default: none do]")
     parser.add_argument("--workers", type=int, default=1, help="processes, one a scene")
     chosen = parser.parse_args()
@@ -398,9 +379,6 @@ def main() -> None:
                 sums[name] += outcome
         if some:
             print(f"\n{share:.0%} harmful, {len(some)} scenes ({whose})\n\n{table(sums)}")
-    for name in FOLLOWED:
-        values = [value for one in tried for value in one.followed[name]]
-        print(f"\nafter {EDITS} corrections alone, {name}: R {np.mean(values):.3f}")
 
 
 if __name__ == "__main__":

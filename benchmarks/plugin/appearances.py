@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
-SIZE_WH: Final = (256, 144)
-SAMPLES: Final = 8
+SIZE_WH: Final = (192, 108)
+SAMPLES: Final = 4
 
 
 class Appearances:
