@@ -120,6 +120,12 @@ def read_case(
     )
 
 
+def pictured(study: StudyCase) -> StudyCase:
+    """With the requirements of single objects alone."""
+    single = tuple(r for r in study.requirements if not isinstance(r, kinds.DepthOrder))
+    return replace(study, requirements=single)
+
+
 def _drawn(mask: NDArray[np.bool_], random: np.random.Generator) -> list[Any]:
     """A mask's outer outlines as coarse polygons, each corner off by about 1.5 px."""
     found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

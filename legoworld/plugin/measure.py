@@ -105,6 +105,8 @@ class _Measurement(InTheWorld):
         super().__init__(scene)
         self.evidence, self.size_wh = evidence, size_wh
         self._masks: dict[tuple[str, str], Mask] = {}
+        self._measured: dict[tuple[str, str], tuple[residuals.Shape, residuals.Shape]] = {}
+        self._views: dict[str, Viewed] = {}
         self._pairs: dict[tuple[str, str], tuple[float, float] | None] = {}
 
     def result(self, requirement: Requirement) -> Result:
@@ -134,7 +136,7 @@ class _Measurement(InTheWorld):
         match requirement:
             case kinds.Centroid() | kinds.Extent() | kinds.Overlap() | kinds.Boundary():
                 viewed = self._viewed(requirement.entity)
-                both = self._shapes(self.mask(requirement.entity), self.region(requirement.region))
+                both = self._shapes(requirement.entity, requirement.region)
                 if any(is_cut(shape, self.size_wh) for shape in both):
                     return None
                 if isinstance(requirement, kinds.Extent):
@@ -150,13 +152,15 @@ class _Measurement(InTheWorld):
                 return None
 
     def _viewed(self, entity: str) -> Viewed:
-        depth_z_m = self.buffers.depth_z_m[self.mask(entity)]
-        return Viewed(
-            snapshot=self.scene.snapshot,
-            size_wh=self.size_wh,
-            depth_m=float(np.median(depth_z_m)),
-            middle_m=self.middle(entity),
-        )
+        if entity not in self._views:
+            depth_z_m = self.buffers.depth_z_m[self.mask(entity)]
+            self._views[entity] = Viewed(
+                snapshot=self.scene.snapshot,
+                size_wh=self.size_wh,
+                depth_m=float(np.median(depth_z_m)),
+                middle_m=self.middle(entity),
+            )
+        return self._views[entity]
 
     def _values(self, requirement: Requirement) -> tuple[float, float]:
         """(measurement, residual); UnknownError where there is nothing to measure."""
@@ -215,27 +219,26 @@ class _Measurement(InTheWorld):
             self._masks[what] = make()
         return self._masks[what]
 
-    def _shapes(self, mask: Mask, region: Mask) -> tuple[residuals.Shape, residuals.Shape]:
-        shapes = []
-        for pixels, whose in ((mask, "visible mask"), (region, "region")):
-            shape = residuals.measure_shape(pixels)
-            if shape is None or shape.area_px < residuals.SMALLEST_PX:
-                area = shape.area_px if shape else 0
-                raise UnknownError(f"the {whose} has {area} pixels, fewer than 16")
-            shapes.append(shape)
-        return shapes[0], shapes[1]
+    def _shapes(self, entity: str, region: str) -> tuple[residuals.Shape, residuals.Shape]:
+        """Of the visible mask and of the region; both have to be large enough."""
+        if (entity, region) not in self._measured:
+            self._measured[entity, region] = (
+                _large_shape(self.mask(entity), "visible mask"),
+                _large_shape(self.region(region), "region"),
+            )
+        return self._measured[entity, region]
 
     def _picture(
         self, requirement: kinds.Centroid | kinds.Extent | kinds.Overlap | kinds.Boundary
     ) -> tuple[float, float]:
-        mask, region = self.mask(requirement.entity), self.region(requirement.region)
-        shapes = self._shapes(mask, region)
+        shapes = self._shapes(requirement.entity, requirement.region)
         if isinstance(requirement, kinds.Centroid):
             offset = math.hypot(*residuals.centroid_offset(*shapes, self.size_wh))
             return offset, offset
         if isinstance(requirement, kinds.Extent):
             worst = max(map(abs, residuals.extent_ratio(*shapes)))
             return worst, worst
+        mask, region = self.mask(requirement.entity), self.region(requirement.region)
         if isinstance(requirement, kinds.Overlap):
             iou = residuals.overlap(mask, region)
             return iou, 1.0 - iou
@@ -293,6 +296,13 @@ class _Measurement(InTheWorld):
         ours = float(spread(self.scene.luma, self.size_wh)[region].mean())
         theirs = float(rec709_luma(self.evidence.photo)[region].mean())
         return ours - theirs, abs(ours - theirs)
+
+
+def _large_shape(pixels: Mask, whose: str) -> residuals.Shape:
+    shape = residuals.measure_shape(pixels)
+    if shape is None or shape.area_px < residuals.SMALLEST_PX:
+        raise UnknownError(f"the {whose} has {shape.area_px if shape else 0} pixels, fewer than 16")
+    return shape
 
 
 def _tolerance(requirement: Requirement) -> float:

@@ -31,7 +31,8 @@ class Shape:
 
 def measure_shape(mask: Mask) -> Shape | None:
     """A mask's area, centroid and extent; None for an empty one."""
-    rows, columns = np.nonzero(mask)
+    # Far quicker than np.nonzero over two axes.
+    rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
     if not len(rows):
         return None
     x, y = int(columns.min()), int(rows.min())

@@ -19,8 +19,8 @@ class _Requirement(Record, frozen=True, kw_only=True, tag_field="kind"):
 
     accept: when a transaction may be committed. passes: within the tolerance. improves, not_worse:
     against the residual when it began. null: of the picture (centroid, extent, overlap, boundary,
-    depth, depth_order, luminance) what an entity has is judged together: its IoU must not fall, and
-    no more residuals rise than fall; of the world, it passes.
+    depth, depth_order, luminance) what an entity has is judged together: its closeness, IoU times
+    exp(-depth residual in tolerances), must not fall; of the world, it passes.
     """
 
     hard: bool = True

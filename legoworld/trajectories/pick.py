@@ -14,6 +14,7 @@ from legoworld.endpoint.blender import BlenderEndedError
 from legoworld.endpoint.finalisation import export_submission
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
 from legoworld.files import write_text
+from legoworld.plugin.acceptance import clearly_closest
 from legoworld.plugin.evidence import read_evidence
 from legoworld.plugin.measure import measure
 from legoworld.plugin.state import read_live
@@ -24,7 +25,6 @@ from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import PROVENANCE, SceneFolder
 from legoworld.trajectories.best_run import Fit, best_run
-from legoworld.trajectories.clearly_better import clearly_best
 from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, RecordedTrial, recorded_trials
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
@@ -131,7 +131,7 @@ def _new_folder(target: Path) -> Path:
 def _choose_checkpoint(
     trial: RecordedTrial, plan: PickPlan, blender: BlenderProcess
 ) -> tuple[Checkpoint | None, dict[str, tuple[int, int, int]]]:
-    """The checkpoint to take: the last, or one that keeps its requirements clearly better."""
+    """The checkpoint to take: the last, or one that fits the photo clearly better."""
     if not trial.live:
         return None, {}
     if plan.by == "last":
@@ -157,7 +157,8 @@ def _choose_checkpoint(
     counts = {str(c.ordinal): _count_verdicts(report) for c, report in reports.items()}
     if not reports:
         return trial.live[-1], counts
-    return list(reports)[clearly_best(list(reports.values()))], counts
+    best = clearly_closest([report.results for report in reports.values()])
+    return list(reports)[best], counts
 
 
 def _count_verdicts(report: Report) -> tuple[int, int, int]:

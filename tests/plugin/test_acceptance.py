@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
-from legoworld.plugin.acceptance import blocks, list_worse, rule_of
+from legoworld.plugin.acceptance import blocks, closeness, list_worse, mean_closeness, rule_of
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Requirement, Result
 
 OVERLAP = kinds.Overlap(entity="cup", region="cup")
 CENTROID = kinds.Centroid(entity="cup", region="cup")
 EXTENT = kinds.Extent(entity="cup", region="cup")
+DEPTH = kinds.Depth(entity="cup", matched=(("cup", "cup"),))
 SUPPORT = kinds.Support(entity="cup")
 
 
@@ -47,20 +49,35 @@ def test_what_is_true_of_the_world_passes_and_what_fits_the_picture_is_judged_to
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
-        ([0.4, 0.10, 0.3], [0.3, 0.05, 0.2], []),
-        ([0.4, 0.10, 0.3], [0.4, 0.10, 0.3], []),
-        ([0.4, 0.10, 0.3], [0.41, 0.05, 0.2], [OVERLAP]),
-        ([0.4, 0.10, 0.3], [0.3, 0.12, 0.2], []),
-        ([0.4, 0.10, 0.3], [0.4, 0.12, 0.3], [CENTROID]),
-        ([0.4, 0.10, 0.3], [0.3, 0.12, 0.31], [CENTROID, EXTENT]),
+        ([0.4, 0.10, 0.02], [0.3, 0.05, 0.02], []),
+        ([0.4, 0.10, 0.02], [0.4, 0.10, 0.02], []),
+        ([0.4, 0.10, 0.02], [0.6, 0.05, 0.02], [OVERLAP]),
+        ([0.4, 0.10, 0.02], [0.3, 0.12, 0.02], []),
+        ([0.4, 0.10, 0.02], [0.4, 0.12, 0.02], [CENTROID]),
+        ([0.4, 0.10, 0.02], [0.3, 0.05, 0.04], [DEPTH]),
+        ([0.4, 0.10, 0.04], [0.5, 0.10, 0.02], []),
+        ([1.0, 0.10, None], [1.0, 0.08, None], []),
+        ([1.0, 0.08, None], [1.0, 0.10, None], [CENTROID]),
         ([None, None, None], [0.9, 0.5, 0.9], []),
-        ([0.4, 0.10, 0.3], [None, None, None], [OVERLAP, CENTROID, EXTENT]),
+        ([0.4, 0.10, 0.02], [None, None, None], [OVERLAP, CENTROID, DEPTH]),
     ],
 )
-def test_an_entity_s_iou_must_not_fall_and_no_more_may_rise_than_fall(
+def test_an_entity_must_not_be_less_close(
     before: list[float | None], after: list[float | None], said: list[Any]
 ) -> None:
-    assert worse([OVERLAP, CENTROID, EXTENT], before, after, 3) == said
+    """By IoU and depth; the rest decides where these do not."""
+    assert worse([OVERLAP, CENTROID, DEPTH], before, after, 3) == said
+
+
+def test_closeness_is_iou_and_depth_in_tolerances_and_without_an_iou_the_mean_of_the_rest() -> None:
+    assert closeness([found(OVERLAP, 0.25)]) == 0.75
+    assert closeness([found(OVERLAP, 0.25), found(DEPTH, 0.04)]) == 0.75 * math.exp(-2)
+    assert closeness([found(CENTROID, 0.02), found(EXTENT, 0.06)]) == math.exp(-2)
+    assert closeness([found(OVERLAP, 0.0), found(DEPTH, 0.0)]) == 1
+    other = kinds.Overlap(entity="table", region="table")
+    some = [found(OVERLAP, 0.25), found(SUPPORT, 9.0), found(other, 0.75)]
+    assert mean_closeness(some) == 0.5
+    assert mean_closeness([found(SUPPORT, 0.0)]) == 0
 
 
 def test_a_move_towards_its_place_is_accepted_far_from_any_tolerance() -> None:
@@ -97,9 +114,19 @@ def test_what_earlier_edits_required_of_others_is_not_broken() -> None:
     other = kinds.Overlap(entity="table", region="table")
     stands = kinds.Support(entity="table")
     asked = [OVERLAP, other, stands]
-    assert worse(asked, [0.4, 0.2, 0.0], [0.3, 0.24, 0.01], 1) == []
-    assert worse(asked, [0.4, 0.2, 0.0], [0.3, 0.26, 0.0], 1) == [other], "an edit may hide a bit"
+    assert worse(asked, [0.4, 0.2, 0.0], [0.3, 0.2, 0.01], 1) == []
     assert worse(asked, [0.4, 0.2, 0.0], [0.3, 0.2, 0.5], 1) == [stands]
     assert worse(asked, [0.4, 0.2, 0.5], [0.3, 0.2, 0.9], 1) == [], "it did not stand before"
     both = kinds.Overlap(entity="table", region="table", accept="passes")
     assert worse([OVERLAP, both], [0.4, 0.2], [0.3, 0.6], 1) == [both]
+
+
+def test_others_count_half_and_by_what_is_seen_of_them() -> None:
+    other = kinds.Overlap(entity="table", region="table")
+    away = kinds.Depth(entity="table", matched=(("table", "table"),))
+    assert worse([OVERLAP, other], [0.4, 0.2], [0.3, 0.39], 1) == [], "0.1 for a half of 0.19"
+    assert worse([OVERLAP, other], [0.4, 0.2], [0.3, 0.41], 1) == [other]
+    assert worse([OVERLAP, other], [0.4, 0.2], [0.41, 0.1], 1) == [], "what it hid is seen"
+    assert worse([OVERLAP, other, away], [0.4, 0.2, 0.0], [0.3, 0.2, 0.9], 1) == []
+    assert worse([SUPPORT, other], [0.0, 0.2], [0.0, 0.29], 1) == [], "it may hide a little"
+    assert worse([SUPPORT, other], [0.0, 0.2], [0.0, 0.31], 1) == [other]
