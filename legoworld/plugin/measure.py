@@ -169,6 +169,8 @@ class _Measurement(InTheWorld):
                 return self.dimensions(requirement)
             case kinds.Support():
                 return self.support(requirement)
+            case kinds.Touching():
+                return self.touching(requirement)
             case kinds.Containment():
                 return self.containment(requirement)
             case kinds.Collision():
@@ -297,7 +299,7 @@ class _Measurement(InTheWorld):
 
 def _tolerance(requirement: Requirement) -> float:
     match requirement:
-        case kinds.Support():
+        case kinds.Support() | kinds.Touching():
             return requirement.tolerance_m
         case kinds.Collision():
             return requirement.slack_m
