@@ -48,7 +48,7 @@ def room(random: np.random.Generator) -> dict[str, tuple[F64, str]]:
     for n in range(4):
         at = np.array([-wide + (n + 0.5) * wide / 2, random.uniform(-wide + 1, wide - 2), 0.0])
         size = random.uniform([0.4, 0.4, 0.4], [0.9, 0.9, 0.9])
-        low = at + np.array([0, 0, gap()])
+        low: F64 = np.add(at, [0, 0, gap()])
         made[f"table {n}"] = (box(low, low + size, random.uniform(0, 3)), "floor")
         top = low + size * [0.5, 0.5, 1] - [0.05, 0.05, 0] + [0, 0, gap()]
         made[f"cup {n}"] = (box(top, top + 0.1, random.uniform(0, 3)), f"table {n}")
