@@ -173,6 +173,8 @@ class _Measurement(InTheWorld):
                 return self.dimensions(requirement)
             case kinds.Support():
                 return self.support(requirement)
+            case kinds.Touching():
+                return self.touching(requirement)
             case kinds.Containment():
                 return self.containment(requirement)
             case kinds.Collision():
@@ -307,7 +309,7 @@ def _large_shape(pixels: Mask, whose: str) -> residuals.Shape:
 
 def _tolerance(requirement: Requirement) -> float:
     match requirement:
-        case kinds.Support():
+        case kinds.Support() | kinds.Touching():
             return requirement.tolerance_m
         case kinds.Collision():
             return requirement.slack_m

@@ -11,7 +11,7 @@ from legoworld.plugin.entities import Entities
 from legoworld.plugin.state import LiveScene
 from legoworld.records import plugin_requirements as kinds
 from legoworld.solids import hulls
-from legoworld.solids.meshes import own_front
+from legoworld.solids.meshes import own_front, solid_of
 from legoworld.solids.penetration import penetration_m
 from legoworld.solids.support import rest_on
 
@@ -87,6 +87,17 @@ class InTheWorld:
         if abs(rest.gap_m) <= requirement.tolerance_m and not rest.balanced:
             raise UnmetError("its centre of mass is not above what it rests on")
         return rest.gap_m, abs(rest.gap_m)
+
+    def touching(self, requirement: kinds.Touching) -> tuple[float, float]:
+        """The least distance of its surface to another's, metres; 0 where they meet."""
+        own = self.surfaces(requirement.entity)
+        other = ~own if requirement.on is None else self.surfaces(requirement.on) & ~own
+        if not other.any():
+            raise UnmetError("there is nothing else that it could touch")
+        shot = self.scene.snapshot
+        solids = [solid_of(shot, np.flatnonzero(some).tolist()) for some in (own, other)]
+        distance = solids[0].distance_m(solids[1])
+        return distance, distance
 
     def _around(self, own: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(S,) bool: the other surfaces, without those in the entity's box, which it holds."""

@@ -59,6 +59,17 @@ class Support(_Requirement, frozen=True, kw_only=True, tag="support"):
     tolerance_m: Positive = 0.01
 
 
+class Touching(_Requirement, frozen=True, kw_only=True, tag="touching"):
+    """The entity's surface is within tolerance_m of another: it hangs on a wall, say.
+
+    on: what it must touch (the wall, the ceiling), null for anything; what touches nothing floats.
+    """
+
+    entity: Entity
+    on: Entity | None = None
+    tolerance_m: Positive = 0.01
+
+
 class Containment(_Requirement, frozen=True, kw_only=True, tag="containment"):
     """At least `share` of the entity's vertices lie in the convex hull of `inside`."""
 
@@ -159,6 +170,7 @@ Requirement = (
     | ValidTransform
     | Dimensions
     | Support
+    | Touching
     | Containment
     | Collision
     | Facing

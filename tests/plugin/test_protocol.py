@@ -13,7 +13,7 @@ from mcp import Client, MCPError
 from plugin.talking import called
 
 from legoworld.errors import UsageError
-from legoworld.plugin import tool_answers
+from legoworld.plugin import final_steps, tool_answers
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.connection import Address, BlenderConnection
 from legoworld.plugin.ledger import read_ledger
@@ -315,8 +315,9 @@ def test_a_cancelled_call_waits_for_blender_no_longer(tmp_path):
 @pytest.mark.blender
 @pytest.mark.parametrize("last_step", [1, 2])
 def test_a_cancelled_review_ends_its_render_and_the_case_goes_on(
-    tmp_path, blender_code, blender, last_step
+    tmp_path, blender_code, blender, last_step, monkeypatch
 ):
+    monkeypatch.setattr(final_steps, "_SAMPLES", 100_000)  # only a cancellation ends it
     (tmp_path / STATES).mkdir(exist_ok=True)
     live = LiveBlender(blender_code, blender, tmp_path / STATES)
     server = plugin_server(Case(tmp_path, live, None, TransactionLimits()), None)
@@ -334,6 +335,7 @@ def test_a_cancelled_review_ends_its_render_and_the_case_goes_on(
 
                 await client.call_tool("review", {}, progress_callback=stop_at_the_render)
             assert scope.cancelled_caught
+            monkeypatch.setattr(final_steps, "_SAMPLES", 4)
             steps = []
 
             async def note(step, of, what):

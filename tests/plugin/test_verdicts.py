@@ -32,6 +32,11 @@ CASES = {
         {"entity": "Lamp", "low_m": [0, 0, 0], "high_m": [1, 1, 1]},
     ),
     "support": ({"entity": "Cup", "on": "Table"}, {"entity": "Cup", "on": "Floor"}, NOBODY),
+    "touching": (
+        {"entity": "Cup", "on": "Table"},
+        {"entity": "Cup", "on": "Floor"},
+        {"entity": "Cup", "on": "Nobody"},
+    ),
     "containment": (
         {"entity": "Cup", "inside": "Cup"},
         {"entity": "Cup", "inside": "Chair"},
@@ -134,8 +139,8 @@ def test_every_kind_has_its_cases():
 
 
 #: What has to pass unless it says otherwise; how the picture fits is relative.
-OF_WORLD = {"existence", "valid_transform", "dimensions", "support", "containment", "collision",
-            "facing", "layout", "visibility"}  # fmt: skip
+OF_WORLD = {"existence", "valid_transform", "dimensions", "support", "touching", "containment",
+            "collision", "facing", "layout", "visibility"}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", CASES)
