@@ -128,7 +128,7 @@ def _r(
     protocol: BenchProtocol,
 ) -> float:
     """R's own card through another grid."""
-    label = index_labels(ours[f"{name}_instance"], case)
+    label = index_labels(ours[f"{name}_instance"], case.truth.scored)
     reference, submitted = (
         GridSurface(depth_z_m=depth, label=label, raster=raster)
         for depth in (
