@@ -23,6 +23,8 @@ NO_DEPTH: Final = float("inf")
 
 #: A surface sample whose alpha is below this is not there (Cycles' data passes use the same value).
 ALPHA_THRESHOLD: Final = 0.5
+#: Values of Cycles' object index.
+MOST_OBJECTS: Final = 32768
 
 #: How the warning ends that names a material whose alpha cannot be read.
 TAKEN_AS_OPAQUE: Final = "taken as opaque"

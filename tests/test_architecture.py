@@ -101,7 +101,7 @@ MOST_LINES = {
     "comparison": 2900,
     "depth_files": 700,
     "endpoint": 1450,
-    "evaluation": 18050,
+    "evaluation": 18100,
     "exports": 1050,
     "plugin": 6810,
     "readouts": 3200,

@@ -16,7 +16,7 @@ from legoworld.cards import Card
 from legoworld.evaluation.reconstruction.fscore import mean_f1, scores_on_rasters
 from legoworld.evaluation.reconstruction.nearest import GridSurface
 from legoworld.evaluation.reconstruction.points import picture_raster
-from legoworld.evaluation.reconstruction.reference import kept_depth
+from legoworld.evaluation.reconstruction.reference import index_labels, kept_depth
 from legoworld.evaluation.reconstruction.second_card import within
 from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.readouts.box_samples import Box, box_samples, mesh_triangles
@@ -241,9 +241,7 @@ def _r_empty(
         depth = visible_surface(
             rest, size_wh, seen.hfov_deg, own_intrinsics=False, threads=threads
         ).depth_z_m
-    label = np.full(depth.shape, -1, np.int32)
-    for k, one in enumerate(seen.scored):
-        label[seen.raster_instance == one.id] = k
+    label = index_labels(seen.raster_instance, seen.scored)
     raster = picture_raster(size_wh, seen.hfov_deg, seen.raster_wh)
     limit_m, tau = card.value("scoring.depth_limit_m"), card.value("scoring.tolerance")
     ours, theirs = (

@@ -86,20 +86,29 @@ def probe_boxes(probe: Probe) -> list[Box]:
 
 
 def surface_disagreement(
-    kernel_z: NDArray[np.float32], cycles_z: NDArray[np.float32], relative: float
+    kernel_z: NDArray[np.float32],
+    cycles_z: NDArray[np.float32],
+    kernel_object: NDArray[np.int64],
+    cycles_object: NDArray[np.int32],
+    relative: float,
 ) -> float | None:
     """Share of pixels where Cycles meets another surface than the kernel; None without any.
 
     A sample of Cycles lies anywhere in its pixel's filter: it agrees with any depth between the
-    nearest and the farthest of the kernel's 3 x 3 pixels around, give or take `relative`.
+    nearest and the farthest of the kernel's 3 x 3 pixels around, give or take `relative`, and with
+    any object that one of them shows.
     """
     either = np.isfinite(kernel_z) | np.isfinite(cycles_z)
     if not either.any():
         return None
-    padded = np.pad(kernel_z, 1, mode="edge")
-    around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+    around, objects = (
+        np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), (3, 3))
+        for values in (kernel_z, kernel_object)
+    )
     low, high = around.min(axis=(2, 3)), around.max(axis=(2, 3))
     agrees = (cycles_z >= low * (1 - relative)) & (cycles_z <= high * (1 + relative))
+    same = (objects == cycles_object[..., None, None]).any(axis=(2, 3))
+    agrees &= same | ~np.isfinite(cycles_z)
     return float(np.count_nonzero(either & ~agrees)) / int(np.count_nonzero(either))
 
 

@@ -30,8 +30,8 @@ class VisibleSurface:
     """Buffers at the scoring raster, (H, W), from the submission's pose.
 
     depth_z_m: float32, +inf where nothing is hit; shown: int32, index of the snapshot's surface, -1
-    where none; both with the reference's intrinsics. own_depth_z_m: with the submission's own, None
-    where those are equal or it is orthographic. projections: raster pixels.
+    where none; both with the reference's intrinsics. own_depth_z_m, own_shown: with the
+    submission's own, None where those are equal or it is orthographic. projections: raster pixels.
     """
 
     raster_wh: tuple[int, int]
@@ -40,6 +40,7 @@ class VisibleSurface:
     shown: NDArray[np.int32]
     own_projection: Projection | None
     own_depth_z_m: NDArray[np.float32] | None
+    own_shown: NDArray[np.int32] | None
 
     @property
     def finite_px(self) -> int:
@@ -67,17 +68,18 @@ def visible_surface(
     seen = on_raster(pinhole, size_wh, raster_wh)
     buffers = surfaces_through(seen, snapshot, raster_wh, threads=threads)
     own = projection(camera, snapshot.render, size_wh)
-    own_seen, own_depth = None, None
+    own_seen, own_buffers = None, None
     if own_intrinsics and camera.type == "PERSP" and not _is_same_projection(own, pinhole):
         own_seen = on_raster(own, size_wh, raster_wh)
-        own_depth = surfaces_through(own_seen, snapshot, raster_wh, threads=threads).depth_z_m
+        own_buffers = surfaces_through(own_seen, snapshot, raster_wh, threads=threads)
     return VisibleSurface(
         raster_wh=raster_wh,
         projection=seen,
         depth_z_m=buffers.depth_z_m,
         shown=buffers.instance,
         own_projection=own_seen,
-        own_depth_z_m=own_depth,
+        own_depth_z_m=own_buffers.depth_z_m if own_buffers else None,
+        own_shown=own_buffers.instance if own_buffers else None,
     )
 
 

@@ -230,7 +230,20 @@ class ServeRequest(Record, frozen=True, kw_only=True):
     parts: Parts | UnsetType = UNSET
 
 
-class ServeAnswer(Record, frozen=True, kw_only=True):
+class Answered(Record, frozen=True, kw_only=True):
+    """What every answer has. status, reason: why there are no scores, or zeros."""
+
+    id: str | int | None
+    image_id: int | None
+    status: str
+    reason: str | None
+    V: Literal[0, 1] | None
+    R: float | None
+    A: float | None
+    S: float | None
+
+
+class ServeAnswer(Answered, frozen=True, kw_only=True):
     """Its scores; zeros for a submission that is missing or invalid, and why.
 
     status: ok, the readout's verdict, `refused` for a line that is not a request, or
@@ -238,15 +251,7 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
     validity: the checks of V that were made; x: of the second card, where it is a part.
     """
 
-    id: str | int | None
     scene: str | None
-    image_id: int | None
-    status: str
-    reason: str | None
-    V: Literal[0, 1] | None
-    R: float | None
-    A: float | None
-    S: float | None
     objects: tuple[ObjectRow, ...]
     validity: dict[str, Check] | None
     flags: tuple[Flag, ...]
@@ -254,21 +259,13 @@ class ServeAnswer(Record, frozen=True, kw_only=True):
     x: XScores | UnsetType = UNSET
 
 
-class ScalarAnswer(Record, frozen=True, kw_only=True):
+class ScalarAnswer(Answered, frozen=True, kw_only=True):
     """A `ServeAnswer` over HTTP, without what tells the private half apart.
 
     reward: S, or R where nothing is rendered. Every score is a multiple of `step`, exact where that
     is 0. V: null for a valid .blend that was sent alone, too: it has no artefacts.
     """
 
-    id: str | int | None
-    image_id: int | None
-    status: str
-    reason: str | None
-    V: Literal[0, 1] | None
-    R: float | None
-    A: float | None
-    S: float | None
     reward: float | None
     step: float
     x: XNumbers | UnsetType = UNSET

@@ -96,12 +96,14 @@ class XNumbers(Record, frozen=True, kw_only=True):
 
 
 class XScores(XNumbers, frozen=True, kw_only=True):
-    """The numbers, each object's, and two facts of the submission.
+    """The numbers, each object's, and three facts of the submission.
 
+    A_x_seen: A_x over the pixels whose surface the first picture shows, null without them;
     surface_differs: share of the raster where Cycles meets another surface than the kernel, null
     where it was not asked; unreadable_alpha: materials whose alpha the kernel took as opaque.
     """
 
     objects: tuple[Object3D, ...]
+    A_x_seen: float | None
     surface_differs: float | None
     unreadable_alpha: int

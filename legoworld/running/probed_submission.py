@@ -103,6 +103,10 @@ def _disagreement(
     if rules.card is None or snapshot.camera.type != "PERSP":
         return None
     wanted = card_render(rules.card, surface.raster_wh, rules.card.seed, threads)
-    ours = surface.depth_z_m if surface.own_depth_z_m is None else surface.own_depth_z_m
-    theirs = opened.depth(wanted) * np.float32(snapshot.render.unit_scale)
-    return surface_disagreement(ours, theirs, rules.disagreement)
+    met = opened.met(wanted, snapshot)
+    depth, shown = surface.depth_z_m, surface.shown
+    if surface.own_depth_z_m is not None and surface.own_shown is not None:
+        depth, shown = surface.own_depth_z_m, surface.own_shown
+    occurrence = snapshot.occurrence_object[snapshot.surface_occurrence]
+    ours = np.where(shown < 0, -1, np.append(met.place[occurrence], -1)[shown])
+    return surface_disagreement(depth, met.depth_z_m, ours, met.object, rules.disagreement)

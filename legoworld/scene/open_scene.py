@@ -11,6 +11,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.conventions import MOST_OBJECTS
 from legoworld.errors import WorkerCrashedError, WorkerMemoryError
 from legoworld.files import Json, atomic_path, canonical_json, sha256_of_text, write_npz
 from legoworld.scene.artefacts import without_metadata
@@ -19,12 +20,13 @@ from legoworld.scene.cache import SnapshotCache
 from legoworld.scene.folder import BLEND, SceneFolder
 from legoworld.scene.freeze import FrozenFiles
 from legoworld.scene.requests import CardRequest, Request, StandRequest
+from legoworld.scene.snapshot import Snapshot
 
 T = TypeVar("T")
 #: Raised whenever what `facts` answers changes.
 _FACTS: Final = 2
 #: Raised whenever what `depth` answers changes.
-_DEPTH: Final = 1
+_DEPTH: Final = 2
 #: A Blender process that ended while it was asked.
 LOST: Final = (WorkerCrashedError, WorkerMemoryError)
 
@@ -50,6 +52,18 @@ class SceneFacts:
 
     values: dict[str, Any]
     textures: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Met:
+    """Surfaces at the pixels of a render: (H, W) depth_z_m float32, +inf for none, object int32.
+
+    place: of each of the snapshot's objects, its value in `object`.
+    """
+
+    depth_z_m: NDArray[np.float32]
+    object: NDArray[np.int32]
+    place: NDArray[np.int64]
 
 
 class OpenedScene:
@@ -95,8 +109,8 @@ class OpenedScene:
                 temporary.write_bytes(png)
         return png
 
-    def depth(self, wanted: CardRender) -> NDArray[np.float32]:
-        """(H, W) what Cycles meets in the first sample of that render; see `card_depth`."""
+    def met(self, wanted: CardRender, snapshot: Snapshot) -> Met:
+        """What Cycles meets in the first sample of that render, in metres; see `card_depth`."""
         card = card_request(wanted)
         path = self._entry("depth", {**_question(wanted), "version": _DEPTH}, ".npz")
         if path is None or not path.is_file():
@@ -108,7 +122,15 @@ class OpenedScene:
                 with atomic_path(path) as temporary:
                     temporary.write_bytes(output.read_bytes())
         with np.load(path) as arrays:
-            return np.asarray(arrays["depth_z"], np.float32)
+            names = json.loads(arrays["object_names"].tobytes())
+            place = {(name, library): n % MOST_OBJECTS for n, (name, library) in enumerate(names)}
+            return Met(
+                depth_z_m=arrays["depth_z"] * np.float32(snapshot.render.unit_scale),
+                object=arrays["object"],
+                place=np.array(
+                    [place.get((o.name, o.library or ""), -1) for o in snapshot.objects]
+                ),
+            )
 
     def facts(self, thumbnail_wh: tuple[int, int]) -> SceneFacts:
         """What the .blend holds besides geometry. Raises the verdicts of `errors`."""

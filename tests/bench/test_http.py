@@ -33,7 +33,7 @@ SCORES = {1: (0.123456, 0.5, 0.311728), 2: (0.7, None, None)}
 SECOND = XScores(
     R_p=0.123456, R_x=None, A_x=0.987654, F3D=0.5, found=1 / 3, R_empty=0.25123, R_above_empty=-0.3,
     objects=(Object3D(id=1, eligible=True, f1=0.1234, precision=1.0, recall=0.5, found=False),),
-    surface_differs=0.0123, unreadable_alpha=2,
+    A_x_seen=None, surface_differs=0.0123, unreadable_alpha=2,
 )  # fmt: skip
 
 

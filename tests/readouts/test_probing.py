@@ -86,24 +86,49 @@ def test_blender_s_camera_keeps_the_ratio_of_both_fields_of_view():
     assert stand["world_from_camera"] == second_pose(scene.camera, wide, 1.0)
 
 
+def differs(kernel, cycles, ours=None, theirs=None):
+    """With one object everywhere, unless told."""
+    one = np.zeros(kernel.shape, np.int32)
+    ours, theirs = (one if objects is None else objects for objects in (ours, theirs))
+    return surface_disagreement(kernel, cycles, ours.astype(np.int64), theirs, 0.05)
+
+
 def test_cycles_agrees_with_any_depth_around_and_with_no_other():
     kernel = np.full((6, 8), 4.0, np.float32)
     kernel[:, 4:] = 8.0
     kernel[0, :] = np.inf
-    assert surface_disagreement(kernel, kernel, 0.05) == 0.0
+    assert differs(kernel, kernel) == 0.0
     edge = kernel.copy()
     edge[2:, 3:5] = 6.0  # between both sides of a step
     edge[1, :] = np.inf  # the sample fell above the border
-    assert surface_disagreement(kernel, edge, 0.05) == 0.0
+    assert differs(kernel, edge) == 0.0
     through = np.where(np.isfinite(kernel), np.float32(20.0), kernel)
-    assert surface_disagreement(kernel, through, 0.05) == 4 / 5  # all but below the border
+    assert differs(kernel, through) == 4 / 5  # all but below the border
     gone = np.full_like(kernel, np.inf)
     gone[1] = kernel[1]
-    assert surface_disagreement(kernel, gone, 0.05) == 4 / 5
+    assert differs(kernel, gone) == 4 / 5
     near = replace_row(kernel, 3, 3.9)
-    assert surface_disagreement(kernel, near, 0.05) == pytest.approx(3 / 40)  # of the 8 m alone
+    assert differs(kernel, near) == pytest.approx(3 / 40)  # of the 8 m alone
     nothing = np.full((3, 3), np.inf, np.float32)
-    assert surface_disagreement(nothing, nothing, 0.05) is None
+    assert differs(nothing, nothing) is None
+
+
+def test_cycles_agrees_with_any_object_around_and_with_no_other():
+    """A copy that only the renderer sees, a hair before the surface, is at an agreeing depth."""
+    depth = np.full((6, 8), 4.0, np.float32)
+    ours = np.zeros((6, 8), np.int32)
+    ours[:, 4:] = 1
+    shifted = np.roll(ours, 1, axis=1)
+    shifted[:, 0] = 0
+    assert differs(depth, depth, ours, shifted) == 0.0
+    assert differs(depth, depth, ours, np.where(ours, 0, 1)) == 36 / 48  # but for the border's two
+    assert differs(depth, depth, ours, np.full_like(ours, 2)) == 1.0
+    unknown = np.full_like(ours, -1)  # an object that Cycles was not asked about
+    assert differs(depth, depth, unknown, ours) == 1.0
+    nothing = np.full_like(depth, np.inf)
+    assert differs(nothing, nothing, unknown, ours) is None
+    behind = np.where(ours, np.float32(np.inf), depth)
+    assert differs(behind, behind, np.where(ours, -1, 0), ours * 0) == 0.0
 
 
 def replace_row(values, row, value):

@@ -15,7 +15,8 @@ from typing import Any
 
 HERE = Path(__file__).parent
 CASE = "kitchen__easy__view_00"
-HEADLINE, SECOND = ("R", "A", "S"), ("R_p", "R_x", "A_x", "F3D", "found", "R_above_empty")
+HEADLINE = ("R", "A", "S")
+SECOND = ("R_p", "R_x", "A_x", "A_x_seen", "F3D", "found", "R_above_empty")
 
 
 def run(*command: object, quiet: bool = False) -> None:

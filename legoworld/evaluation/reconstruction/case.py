@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from msgspec.structs import replace
@@ -39,6 +40,9 @@ from legoworld.records.reconstruction import (
 from legoworld.records.second_card import BenchXImage
 from legoworld.records.submission import BenchRow, Check, RenderFile, Validity
 
+#: Scripts never run and the render card has no compositor: alone, an artist's leftovers.
+_IDLE: Final = ("text_blocks", "compositor_nodes")
+
 
 @dataclass(frozen=True, kw_only=True)
 class CaseTask:
@@ -70,7 +74,7 @@ def score_case(task: CaseTask) -> ReconstructionRow:
         return replace(zeros, status="changed", code=error.code, reason=str(error))
     compared = _score_compared(task, zeros, reference, surface, render)
     try:
-        return _with_second_card(task, compared, surface)
+        return _with_second_card(task, compared, reference, surface)
     except SubmissionFileError as error:
         return replace(zeros, status="changed", code=error.code, reason=str(error))
 
@@ -111,7 +115,7 @@ def zero_row(task: CaseTask) -> ReconstructionRow:
 
 
 def _with_second_card(
-    task: CaseTask, row: ReconstructionRow, surface: Surface
+    task: CaseTask, row: ReconstructionRow, reference: Reference, surface: Surface
 ) -> ReconstructionRow:
     """The row with the numbers and flags of bench-x, where that is the task."""
     if task.x is None or not row.valid or row.R is None:
@@ -123,7 +127,7 @@ def _with_second_card(
     rules = task.protocol.x
     assert rules is not None
     scores = second_scores(
-        task.run, task.row.probe, task.folders, task.case, task.x, task.protocol, row.R
+        task.run, task.row.probe, task.folders, task.case, task.x, reference, task.protocol, row.R
     )
     flags = [*row.flags, *second_flags(scores, row.R, row.A, rules)]
     if len(surface.textures) and task.row.integrity is not UNSET:
@@ -131,8 +135,8 @@ def _with_second_card(
         picture = _reference_picture(task, (width, height))
         facts = task.row.integrity
         flags += integrity.scale_flags(facts, surface.textures, picture, rules.scales)
-    if all(flag.kind == "text_blocks" for flag in flags):
-        flags = []  # scripts never run: a scene's own text alone says nothing
+    if all(flag.kind in _IDLE for flag in flags):
+        flags = []  # they say nothing alone
     return replace(row, x=scores, flags=tuple(flags))
 
 

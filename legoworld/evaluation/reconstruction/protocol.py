@@ -35,6 +35,7 @@ class XRules:
     found: float
     sub_pixel_drop: float
     one_view_drop: float
+    same_surface: float
     geometry_drop: float
     surface_differs: float
     scales: tuple[tuple[tuple[int, int], float], ...]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +26,7 @@ from legoworld.evaluation.reconstruction.points import (
     points_m,
 )
 from legoworld.files import sha256_of_file
+from legoworld.records.bench_dataset import ScoredObject
 
 _RANDOM: Final = re.compile(r"random:(0|[1-9][0-9]{0,17})")
 RASTER, ALL = "raster", "all"
@@ -85,7 +87,7 @@ def load_reference(folders: BenchFolders, case: BenchCase, limit_m: float) -> Re
     return Reference(
         raster=raster,
         depth_z_m=kept_depth(depth, limit_m),
-        label=index_labels(instance, case),
+        label=index_labels(instance, case.truth.scored),
         sampled=case.truth.sha256.raster is not None,
     )
 
@@ -96,7 +98,7 @@ def load_cloud(
     """Every full-size reference point, or `cap` of them drawn without replacement."""
     whole, ids = _full_size(folders, case)
     full = picture_raster(case.size_wh, case.image.hfov_deg, case.size_wh)
-    depth, label = kept_depth(whole, limit_m), index_labels(ids, case)
+    depth, label = kept_depth(whole, limit_m), index_labels(ids, case.truth.scored)
     places = np.flatnonzero(finite_points(depth))
     drawn = _RANDOM.fullmatch(sampling)
     if drawn and len(places) > cap:
@@ -127,9 +129,9 @@ def kept_depth(depth_z_m: NDArray[Any], limit_m: float) -> Depth:
     return np.where(finite_points(depth, limit_m), depth, np.float32(np.inf))
 
 
-def index_labels(instance: NDArray[Any], case: BenchCase) -> Labels:
-    """Instance ids as positions in the case's scored objects, -1 for every other one."""
-    ids = np.array([o.id for o in case.truth.scored], np.int64)
+def index_labels(instance: NDArray[Any], scored: Sequence[ScoredObject]) -> Labels:
+    """Instance ids as positions in a case's scored objects, -1 for every other one."""
+    ids = np.array([one.id for one in scored], np.int64)
     order = np.argsort(ids)
     place = np.searchsorted(ids[order], instance)
     place = np.minimum(place, len(ids) - 1)

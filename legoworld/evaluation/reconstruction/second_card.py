@@ -20,12 +20,25 @@ from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores_on
 from legoworld.evaluation.reconstruction.integrity import make_flag
 from legoworld.evaluation.reconstruction.nearest import GridSurface
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
-from legoworld.evaluation.reconstruction.points import Raster, picture_raster
+from legoworld.evaluation.reconstruction.points import (
+    Depth,
+    Flags,
+    Raster,
+    picture_raster,
+    pixel_of_points,
+    points_m,
+)
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, XRules
-from legoworld.evaluation.reconstruction.reference import index_labels, kept_depth, load_checked
+from legoworld.evaluation.reconstruction.reference import (
+    Reference,
+    index_labels,
+    kept_depth,
+    load_checked,
+)
 from legoworld.evaluation.reconstruction.submission import load_arrays, load_render
 from legoworld.files import sha256_of_file
 from legoworld.readouts.probing import OFFSET, VIEW
+from legoworld.records.probe import SecondView
 from legoworld.records.reconstruction import Flag, FlagKind
 from legoworld.records.second_card import CONTEXT, OWN, BenchXFile, BenchXImage, Object3D, XScores
 from legoworld.records.submission import ProbedFile
@@ -35,6 +48,8 @@ X: Final = "x.json"
 #: An object counts in F3D where so many of its samples, and such a share, are its own alone.
 FEWEST_OWN: Final = 32
 LEAST_OWN: Final = 0.1
+#: Share of the second view's pixels whose surface the first one shows that A_x_seen needs.
+LEAST_SEEN: Final = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +87,7 @@ def zero_scores(image: BenchXImage) -> XScores:
         R_empty=image.x.R_empty,
         R_above_empty=above_empty(0.0, image.x.R_empty),
         objects=(),
+        A_x_seen=None,
         surface_differs=None,
         unreadable_alpha=0,
     )
@@ -88,6 +104,7 @@ def second_scores(
     folders: BenchFolders,
     case: BenchCase,
     image: BenchXImage,
+    reference: Reference,
     protocol: BenchProtocol,
     r: float,
 ) -> XScores:
@@ -99,21 +116,30 @@ def second_scores(
     raster = picture_raster(case.size_wh, case.image.hfov_deg, case.truth.raster_wh)
     dx, dy = image.probe.offset_px
     moved = replace(raster, cx=raster.cx - dx, cy=raster.cy - dy)
-    r_x, view = None, image.probe.view
+    r_x, a_x, a_x_seen, view = None, None, None, image.probe.view
     if view is not None:
         second = picture_raster(case.size_wh, view.hfov_deg, case.truth.raster_wh)
         r_x = _r(VIEW, second, ours, theirs, case, protocol)
+        hits = _hits(run, file, folders, image, protocol.delta)
+        if hits is not None:
+            a_x = float(np.count_nonzero(hits)) / hits.size
+            depth = kept_depth(ours[f"{VIEW}_depth_z_m"], protocol.depth_limit_m)
+            known = shown_first(depth, second, view, reference, protocol.x.same_surface)
+            known = known[appearance.raster_indices(hits.shape, known.shape)]
+            if known.mean() >= LEAST_SEEN:
+                a_x_seen = float(hits[known].mean())
     objects = tuple(_objects(ours, theirs, image, case, protocol.x))
     eligible = [o for o in objects if o.eligible]
     return XScores(
         R_p=_r(OFFSET, moved, ours, theirs, case, protocol),
         R_x=r_x,
-        A_x=_a(run, file, folders, image, protocol.delta),
+        A_x=a_x,
         F3D=float(np.mean([o.f1 for o in eligible])) if eligible else None,
         found=float(np.mean([o.found for o in eligible])) if eligible else None,
         R_empty=image.x.R_empty,
         R_above_empty=above_empty(r, image.x.R_empty),
         objects=objects,
+        A_x_seen=a_x_seen,
         surface_differs=file.surface_differs,
         unreadable_alpha=file.unreadable_alpha,
     )
@@ -128,7 +154,7 @@ def _r(
     protocol: BenchProtocol,
 ) -> float:
     """R's own card through another grid."""
-    label = index_labels(ours[f"{name}_instance"], case)
+    label = index_labels(ours[f"{name}_instance"], case.truth.scored)
     reference, submitted = (
         GridSurface(depth_z_m=depth, label=label, raster=raster)
         for depth in (
@@ -142,10 +168,30 @@ def _r(
     return mean_f1(scores) or 0.0
 
 
-def _a(
+def shown_first(
+    depth_z_m: Depth, raster: Raster, view: SecondView, reference: Reference, relative: float
+) -> Flags:
+    """(H, W) the second view's pixels whose surface the first view shows.
+
+    One of the 3 x 3 pixels around the place where the first view has the point is at its depth,
+    give or take `relative`: silhouettes do not fall on samples.
+    """
+    motion = np.array(view.cam_from_view)
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(reference.depth_z_m, 1, mode="edge"), (3, 3)
+    ).reshape(-1, 9)
+    with np.errstate(invalid="ignore"):  # nothing is hit at infinity
+        points = points_m(depth_z_m, raster).reshape(-1, 3) @ motion[:3, :3].T + motion[:3, 3]
+        pixel, z = pixel_of_points(points, reference.raster), points[:, 2:]
+        near = (np.abs(around[pixel] - z) <= relative * z).any(axis=1)
+    seen: Flags = near & (pixel >= 0)
+    return seen.reshape(depth_z_m.shape)
+
+
+def _hits(
     run: Path, file: ProbedFile, folders: BenchFolders, image: BenchXImage, delta: int
-) -> float | None:
-    """A's own card of the second view."""
+) -> Flags | None:
+    """The pixels that A's own card counts in the second view."""
     if file.render is None or image.x.picture is None or image.x.picture_sha256 is None:
         return None
     path = folders.private.parent / image.x.picture
@@ -159,7 +205,7 @@ def _a(
             next_step="restore the dataset",
         )
     picture = resized_reference(data, digest, file.render.size_wh)
-    return appearance.agreement(load_render(run, file.render), picture).share(delta)
+    return appearance.agreement(load_render(run, file.render), picture).hits(delta)
 
 
 def _objects(
@@ -228,8 +274,8 @@ def second_flags(scores: XScores, r: float, a: float | None, rules: XRules) -> I
         ),
         (
             "one_view_appearance",
-            f"A_x {scores.A_x or 0.0:.3f}",
-            0.0 if a is None or scores.A_x is None else a - scores.A_x,
+            f"A_x {scores.A_x_seen or 0.0:.3f} of what the first picture shows",
+            0.0 if a is None or scores.A_x_seen is None else a - scores.A_x_seen,
             rules.one_view_drop,
         ),
         (

@@ -153,12 +153,12 @@ def _card_render(request: Request) -> dict[str, Any]:
 
 
 def _card_depth(request: Request) -> dict[str, Any]:
-    """Depth of the first sample of a render by a card, written to the output."""
+    """What the first sample of a render by a card meets, written to the output."""
     from legoworld.files import write_npz
-    from legoworld.scene.blender.card_depth import depth_by_card
+    from legoworld.scene.blender.card_depth import surface_by_card
 
-    depth = depth_by_card(Path(request["blend"]), request["card"])
-    write_npz(Path(request["output"]), {"depth_z": depth}, compressed=True)
+    met = surface_by_card(Path(request["blend"]), request["card"])
+    write_npz(Path(request["output"]), met, compressed=True)
     return {}
 
 

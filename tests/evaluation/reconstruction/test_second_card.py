@@ -24,8 +24,11 @@ from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.integrity import scale_flags
+from legoworld.evaluation.reconstruction.points import picture_raster
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.evaluation.reconstruction.second_card import above_empty, within
+from legoworld.evaluation.reconstruction.reference import Reference
+from legoworld.evaluation.reconstruction.second_card import above_empty, shown_first, within
+from legoworld.records.probe import SecondView
 from legoworld.records.second_card import OWN
 from legoworld.records.submission import Check, ImageTexture, Integrity, TextBlock
 from legoworld.workers.tasks import WorkerPool
@@ -103,7 +106,43 @@ def test_a_surface_of_one_view_alone_fails_in_the_other(dataset, tmp_path):
     assert (row["R"], row["x"]["R_x"]) == (1.0, 0.0)
     assert row["A"] == 1.0
     assert row["x"]["A_x"] < 0.7
+    assert row["x"]["A_x_seen"] < 0.7
     assert kinds(row) == {"one_view_geometry", "one_view_appearance"}
+
+
+RASTER = picture_raster((160, 90), 90.0, (16, 9))
+STAY = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def shown(first, second, moved_x=0.0):
+    """Of two depths, the second from a place `moved_x` metres to the right, which looks alike."""
+    reference = Reference(
+        raster=RASTER, depth_z_m=first, label=np.zeros((9, 16), np.int32), sampled=True
+    )
+    pose = ((1.0, 0.0, 0.0, moved_x), *STAY[1:])
+    view = SecondView(cam_from_view=pose, hfov_deg=90.0)
+    return shown_first(second, RASTER, view, reference, 0.02)
+
+
+def test_what_the_first_picture_does_not_show_may_be_left_out():
+    wall = np.full((9, 16), 4.0, np.float32)  # 8 m across: a pixel is half a metre
+    assert shown(wall, wall).all()
+    assert shown(wall, wall * np.float32(1.015)).all()
+    assert not shown(wall, wall * np.float32(1.03)).any()
+    aside = shown(wall, wall, 2.0)
+    assert aside[:, :12].all()
+    assert not aside[:, 12:].any()  # out of the first picture
+    before = wall.copy()
+    before[:, :6] = 2.0
+    hidden = shown(before, wall)
+    assert not hidden[:, :5].any()
+    assert hidden[:, 5:].all()  # a silhouette may fall on the next sample
+    sky = wall.copy()
+    sky[0] = np.inf
+    assert not shown(wall, sky)[0].any()
+    behind = wall.copy()
+    behind[4] = 0.5
+    assert not shown(wall, behind)[4].any()
 
 
 def test_f3d_counts_the_whole_object_and_what_lies_around_it_is_no_mistake(dataset, tmp_path):
