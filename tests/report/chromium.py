@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from waiting import until
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 #: WebGL by software, so that the scene in 3D is drawn on a machine without a GPU, too.
@@ -58,8 +59,12 @@ class Browser:
         return self.page.evaluate(expression)
 
     def until(self, expression: str) -> None:
-        """Wait for an expression to be true."""
-        self.page.wait_for_function(expression)
+        """Wait for an expression to be true.
+
+        Asked again and again from here: Playwright's own wait evaluates text inside the page, which
+        the page's policy forbids.
+        """
+        until(lambda: self.js(expression), expression)
 
     def key(self, name: str) -> None:
         """Press a key such as ArrowRight."""
