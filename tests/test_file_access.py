@@ -49,12 +49,13 @@ ALLOWED: dict[str, dict[str, str]] = {
         "shutil.copyfile": BEFORE, "shutil.which": OURS, "steps.write_text": BEFORE,
     },
     "agents/unfinished_trial.py": {
-        "(folder / _LOCK).open": OURS, "(unfinished.folder / 'begun.json').unlink": OURS,
+        "(folder / _LOCK).open": OURS, "(unfinished.folder / BEGUN).unlink": OURS,
         "folder.mkdir": OURS, "path.is_dir": OURS, "path.is_symlink": OURS, "path.mkdir": OURS,
         "path.read_bytes": OURS, "path.unlink": OURS, "remove_folder": REMOVED,
         "scenes.mkdir": OURS, "self.folder.iterdir": OURS, "self.scene_folder.iterdir": OURS,
         "trial.mkdir": OURS, "unfinished_folder(scenes, image).is_dir": OURS, "write_text": OURS,
     },
+    "agents/handshake.py": {"(output / name).write_text": BEFORE},
     "agents/trial_plugin.py": {
         "path.is_file": OURS, "record.mkdir": OURS, "sha256_of_file": OURS,
     },
@@ -70,6 +71,15 @@ ALLOWED: dict[str, dict[str, str]] = {
         "sha256_of_file": OURS, "temporary.write_bytes": OURS, "workspace.mkdir": BEFORE,
         "write_text": OURS, "output.is_dir": OURS, "output.parent.mkdir": OURS,
         "made.is_file": OURS,
+    },
+    "viewing/app.py": {
+        "resources.files('legoworld.viewing').joinpath('page', name).read_text": OURS,
+    },
+    "viewing/watched.py": {
+        "(folder / PICTURE).is_file": OURS, "(folder / RECONSTRUCTION).read_bytes": OURS,
+        "(folder / ROWS).read_bytes": OURS, "(folder / RUN).read_bytes": OURS,
+        "os.walk": "follows no link; a workspace is not entered", "path.exists": OURS,
+        "path.read_bytes": OURS, "path.stat": OURS,
     },
 }  # fmt: skip
 

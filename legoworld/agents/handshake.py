@@ -8,6 +8,7 @@ from typing import Final
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.exposed_paths import AgentNotStartedError, exposed_paths
 from legoworld.agents.mcp_server import PLAYER, blender_server, server_python, write_configuration
+from legoworld.beneath import Beneath, RefusedFileError
 from legoworld.errors import one_line
 from legoworld.records.agents import AgentMcp
 from legoworld.records.atif import AtifTrajectory
@@ -19,6 +20,7 @@ from legoworld.workers.scratch import scratch_folder
 _LIMITS: Final = SandboxLimits(time_s=120.0, memory_bytes=2 << 30)
 #: Nothing listens there: the server is asked what it offers, and no Blender.
 _NO_BLENDER: Final = 9
+_MOST_BYTES: Final = 4 << 20
 
 
 def offered_tools(card: AgentCard, held: Protections) -> list[str]:
@@ -41,7 +43,7 @@ def offered_tools(card: AgentCard, held: Protections) -> list[str]:
         given = [word for key, name in names.items() for word in (f"--{key}", str(inside / name))]
         sandbox.start([str(server_python()), str(PLAYER), *given], exposed_paths(card))
         ending = sandbox.wait()
-        tools = _tools(output / "t") if ending.code == 0 else []
+        tools = _tools(scratch) if ending.code == 0 else []
     if tools:
         return tools
     how = f"exit code {ending.code}" if ending.over is None else f"its {ending.over} limit"
@@ -53,9 +55,12 @@ def offered_tools(card: AgentCard, held: Protections) -> list[str]:
     )
 
 
-def _tools(transcript: Path) -> list[str]:
+def _tools(scratch: Path) -> list[str]:
+    """The tools in the transcript that the sandboxed client wrote."""
     try:
-        agent = decode(AtifTrajectory, transcript.read_bytes()).agent
-    except (OSError, RecordError):
+        with Beneath(scratch) as inside:
+            data = inside.read("output/t", most_bytes=_MOST_BYTES) or b""
+        agent = decode(AtifTrajectory, data).agent
+    except (OSError, RecordError, RefusedFileError):
         return []
     return [str(one["function"]["name"]) for one in agent.tool_definitions or []]

@@ -556,7 +556,9 @@ def test_the_page_of_trials_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     given: list[Any] = []
-    monkeypatch.setattr("legoworld.trajectories.api.recorded_trials", lambda _: ["a trial"])
+    trial = SimpleNamespace(about=SimpleNamespace(file_name="a.jpg"))
+    (tmp_path / "a.jpg").touch()
+    monkeypatch.setattr("legoworld.trajectories.api.recorded_trials", lambda _: [trial])
     monkeypatch.setattr(
         "legoworld.trajectories.api.write_page",
         lambda *words, **how: given.append((words, how)),
@@ -565,7 +567,7 @@ def test_the_page_of_trials_is_named(
     words = ["trajectory", "report", str(tmp_path), "--photos", str(tmp_path), "-o", str(page)]
     assert cli.run(words) == 0
     assert capsys.readouterr().out == f"1 trial -> {page}\n"
-    assert given == [((["a trial"], page), {"photos": tmp_path, "scores": None})]
+    assert given == [(([trial], page), {"photos": tmp_path, "scores": None, "report": ""})]
     assert cli.run([*words, "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["page"], document["trials"]) == (str(page), 1)

@@ -163,6 +163,7 @@ for module in pkgutil.walk_packages(legoworld.__path__, "legoworld."):
     except ModuleNotFoundError as error:
         if error.name.split(".")[0] not in (
             "mcp", "fcl", "ray", "fsspec", "pydantic", "anyio", "starlette", "uvicorn", "h11",
+            "httpx2",
         ):
             raise
     count += 1

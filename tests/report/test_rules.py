@@ -437,7 +437,7 @@ def test_a_glb_of_the_most_bytes_is_shown(over, index, tmp_path, monkeypatch):
     path = tmp_path / "den" / "scene.glb"
     path.parent.mkdir()
     path.write_bytes(bytes(10 + over))
-    found, said = scene_files.SceneFiles(folders=[])._add_glb(path)
+    found, said = scene_files.SceneFiles(folders=[]).add_glb(path)
     assert (found, said) == (index, "den/scene.glb is 0 MB: more than a page shows" if over else "")
 
 
