@@ -62,8 +62,8 @@ class WatchedRow(Record, frozen=True, kw_only=True):
 class Watched(Record, frozen=True, kw_only=True):
     """A folder of one kind. name: its path below the folder that is watched.
 
-    done, of: images or trials, `of` null where their number is not known; rows: of an unfinished run
-    the newest first, of an ended one those that are not ok, of trials those that go on first;
+    done, of: images or trials, `of` null where their number is not known; rows: of an unfinished
+    run the newest first, of an ended one those that are not ok, of trials those that go on first;
     page: whether there is one of it, not of a run, which nothing has scored; result: the first
     metric of an evaluation; problem: why the folder cannot be read.
     """
