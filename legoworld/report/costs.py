@@ -70,13 +70,13 @@ def side_costs(sides: Sequence[Findings]) -> tuple[SideCosts, ...]:
                 label=side.side.name,
                 metric=side.metric,
                 over=f"Each mended alone: {side.metric} over {side.over}{side.errors}",
-                most=(*_failed(side), *most),
+                most=(*_failed(side, at), *most),
             )
         )
     return tuple(shown)
 
 
-def _failed(side: Findings) -> Iterator[Cost]:
+def _failed(side: Findings, of: int) -> Iterator[Cost]:
     """The images without an answer, where there are other ones: they come first."""
     have = side.attempted - side.failed
     if not side.failed or side.value is None or side.answered is None:
@@ -84,7 +84,7 @@ def _failed(side: Findings) -> Iterator[Cost]:
     noun = side.noun or ("scene" if side.side.is_scene else "answer")
     yield Cost(
         kind="failed",
-        link="?tab=photos&kind=failed",
+        link=f"?tab=photos&kind=failed&of={of}",
         n=side.failed,
         images=side.failed,
         text=f"{side.failed} of {plural(side.attempted, side.images, f'{side.images}s')} without "

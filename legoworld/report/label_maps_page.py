@@ -97,7 +97,7 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
     known = {category.id: category for category in _summary(side).categories}
 
     def value(sums: F64, ids: Sequence[int]) -> float:
-        things = np.array([known[number].isthing for number in ids], bool)
+        things = np.array([known[category].isthing for category in ids], bool)
         return float(family.values(sums, things)[metric])
 
     ids = present_categories(rows)
@@ -135,8 +135,8 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
         attempted=len(rows),
         failed=sum(not row.has_score for row in rows),
         missing=", all of whose truth is missed",
-        value=before,
-        answered=value(total_sums(answered, there), there) if answered else None,
+        value=number(before),
+        answered=number(value(total_sums(answered, there), there)) if answered else None,
     )
 
 

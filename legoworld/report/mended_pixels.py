@@ -206,7 +206,7 @@ def pixel_findings(
             found[kind, f"{image} {about}"] = Finding(
                 text=f"{files[image]}: {text}", gain=gain / len(scored), images=(image,)
             )
-    attempted: Any = getattr(summary, "all_attempted", None)
+    attempted = cast("Any", summary).all_attempted
     return Findings(
         side=side,
         metric=shown,

@@ -86,11 +86,11 @@ class ViewApp:
         return Response(data, media_type=kind)
 
     async def _report(self, request: Request) -> Response:
-        name = request.path_params["name"]
+        name = request.path_params["name"] or "."  # which browsers leave out of an address
         try:
             state = await run_in_threadpool(self._watch.look)
             folder = await run_in_threadpool(self._pages.make, state, name)
-        except LegoWorldError as error:
+        except (OSError, LegoWorldError) as error:  # files go while they are read
             text = f"<!doctype html><title>legoworld</title><p>{escape(str(error))}</p>"
             policy = {"Content-Security-Policy": "default-src 'none'"}
             return Response(text, 422, policy, "text/html; charset=utf-8")

@@ -7,6 +7,7 @@ half written is read again at the next look.
 from __future__ import annotations
 
 import os
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -61,7 +62,8 @@ class WatchedRow(Record, frozen=True, kw_only=True):
 class Watched(Record, frozen=True, kw_only=True):
     """A folder of one kind. name: its path below the folder that is watched.
 
-    done, of: images or trials, `of` null where their number is not known; rows: the newest first;
+    done, of: images or trials, `of` null where their number is not known; rows: of an unfinished
+    run the newest first, of an ended one those that are not ok, of trials those that go on first;
     page: whether there is one of it, not of a run, which nothing has scored; result: the first
     metric of an evaluation; problem: why the folder cannot be read.
     """
@@ -97,15 +99,20 @@ class _Journal:
 
 
 class Watch:
-    """Looks at a folder again and again; what has not changed is not read twice."""
+    """Looks at a folder again and again; a result or run that has not changed is not read twice."""
 
     def __init__(self, top: Path) -> None:
         self.top = top.resolve()
         self._journals: dict[Path, _Journal] = {}
         self._read: dict[Path, tuple[tuple[int, ...], Watched]] = {}
+        self._looking = threading.Lock()
 
     def look(self) -> WatchedState:
-        """What is there now."""
+        """What is there now. Two looks at once would count a journal's new rows twice."""
+        with self._looking:
+            return self._look()
+
+    def _look(self) -> WatchedState:
         walked = list(islice(_walk(self.top), _MOST_FOLDERS + 1))
         found: list[Watched] = []
         trials: dict[Path, list[tuple[Path, bool]]] = {}
@@ -123,13 +130,16 @@ class Watch:
     def _kinds(self) -> Sequence[tuple[str, Callable[[Path], Watched]]]:
         """The file that tells what a folder is, and how such a folder is read; the first counts."""
         return (
-            (COMPARISON, lambda folder: self._unchanged(folder / COMPARISON, self._comparison)),
+            (
+                COMPARISON,
+                lambda of: self._unchanged(of / COMPARISON, "comparison", self._comparison),
+            ),
             (CONFIGURATION, self._unfinished_run),
-            (RUN, lambda folder: self._unchanged(folder / RUN, self._run)),
-            (EVIDENCE, lambda folder: self._unchanged(folder / SUMMARY, self._evaluation)),
+            (RUN, lambda of: self._unchanged(of / RUN, "run", self._run)),
+            (EVIDENCE, lambda of: self._unchanged(of / SUMMARY, "evaluation", self._evaluation)),
         )
 
-    def _unchanged(self, path: Path, read: Callable[[Path], Watched]) -> Watched:
+    def _unchanged(self, path: Path, kind: Kind, read: Callable[[Path], Watched]) -> Watched:
         """What was read of a folder, while the file that tells of it is the same."""
         try:
             status = path.stat()
@@ -138,7 +148,7 @@ class Watch:
             if known is None or known[0] != signature:
                 known = self._read[path] = (signature, read(path.parent))
         except (OSError, RecordError, LegoWorldError) as error:
-            return Watched(name=self._name(path.parent), kind="run", problem=_reason(error))
+            return Watched(name=self._name(path.parent), kind=kind, problem=_reason(error))
         return known[1]
 
     def _comparison(self, folder: Path) -> Watched:

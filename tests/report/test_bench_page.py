@@ -15,6 +15,7 @@ import pytest
 from evaluation.reconstruction.datasets import Dataset, Submission
 from msgspec.structs import replace
 from report.bench_pages import bench_dataset, bench_evaluation, troubled
+from report.chromium import browser
 from report.pages import HOSTILE, Tables, document_of, embedded, page_of, written
 
 from legoworld import cli
@@ -339,6 +340,19 @@ def test_the_leaderboard_losses_and_tiers(document: PageDocument, evaluations: l
     )
     assert [p.name for p in section.first.coverage[0].parts] == ["scored", "not valid", "failed"]
     assert section.first.verdicts[0].sentence.startswith("Highest S of 2: two, 1.000")
+
+
+def test_the_list_of_cases_without_a_valid_submission_has_all_of_them(
+    tmp_path: Path, document: PageDocument
+) -> None:
+    (section,) = document.sections
+    failed = section.first.costs[0].most[0]
+    path = written(document, tmp_path / "page.html")
+    count = "document.querySelector('[data-count=photos]').textContent"
+    with browser(viewport={"width": 1200, "height": 900}) as page:
+        for of, n in (("&of=0", failed.n), ("&of=1", 0)):
+            page.open(path, f"#/{section.key}{failed.link.replace('&of=0', of)}")
+            page.until(f"{count} === '{n} of 8 cases'")
 
 
 def test_the_tables_hold_both_averages_and_every_denominator(

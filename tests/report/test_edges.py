@@ -363,3 +363,20 @@ def test_a_mean_of_runs_has_its_interval_and_its_deviation_below() -> None:
     )  # fmt: skip
     both = reconstruction_tables._repeated(repeated(0.5, (0.25, 0.75)))
     assert (both.ends, both.digits, both.below) == ((0.25, 0.75), 3, alone.spread)
+
+
+@pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("page", ["PANOPTIC", "SEMANTIC"])
+def test_label_maps_without_any_segment_have_no_number(page: str, failed: bool) -> None:
+    family, mends = getattr(label_maps_page, page).fill.args
+    rows = [
+        SimpleNamespace(image_id=i, has_score=not failed or i == 1, counts={}, matched=())
+        for i in (1, 2)
+    ]
+    side: Any = SimpleNamespace(
+        rows=rows, summary=SimpleNamespace(categories=()), name="x", is_scene=True
+    )
+    findings = label_maps_page._findings(family, mends, side)
+    assert (findings.value, findings.answered, findings.found) == (None, None, {})
+    (shown,) = costs.side_costs([findings])
+    assert shown.most == ()

@@ -149,7 +149,7 @@ def test_images_without_an_answer_come_first(tmp_path: Path) -> None:
     assert first.kind == "failed"
     assert first.n == 8
     assert first.text.startswith("8 of 12 images without scene: AP ")
-    assert first.link == "?tab=photos&kind=failed"
+    assert first.link == "?tab=photos&kind=failed&of=0"
     stated = mended.side.detection.metrics["AP"]
     assert stated is not None
     assert f"AP {stated:.3f}, over the 4 with one {stated + first.gain:.3f}" in first.text

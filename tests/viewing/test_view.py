@@ -78,6 +78,20 @@ def test_a_page_has_the_bytes_of_the_report(served, top, tmp_path):
     assert ask(served.url, f"report/{name}").headers["Location"] == answer.headers["Location"]
 
 
+def test_the_page_of_the_folder_itself(served, top, tmp_path):
+    state = json.loads(ask(served.url, "state.json").content)
+    name = next(one["name"] for one in state["sources"] if one["page"])
+    shutil.copytree(top / name, tmp_path / "here")
+    view = legoworld.view(tmp_path / "here")
+    (source,) = json.loads(ask(view.url, "state.json").content)["sources"]
+    assert (source["name"], source["page"]) == (".", True)
+    assert ask(view.url, "report/").status == 303  # a browser makes it of report/.
+    (tmp_path / "here" / "late.json").symlink_to(tmp_path / "gone")
+    answer = ask(view.url, "report/")
+    assert (answer.status, b"late.json" in answer.content) == (422, True)
+    view.close()
+
+
 def test_a_folder_without_a_page(served):
     state = json.loads(ask(served.url, "state.json").content)
     run = next(one["name"] for one in state["sources"] if one["kind"] == "run")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -12,6 +15,7 @@ from legoworld.records.base import readable
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import Configuration, ImageRecord
 from legoworld.records.run_rows import RunRow
+from legoworld.viewing import watched
 from legoworld.viewing.watched import Watch
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -72,6 +76,24 @@ def test_a_line_that_is_not_whole_yet_is_read_when_it_is(tmp_path):
     assert only(watch).done == 2
 
 
+def test_two_looks_at_once_count_a_row_once(tmp_path, monkeypatch):
+    begin_run(tmp_path / "run")
+    add_rows(tmp_path / "run", "ok", "ok")
+    both, read = threading.Barrier(2), watched.rows_after
+
+    def read_together(folder, at):
+        found = read(folder, at)
+        with suppress(threading.BrokenBarrierError):
+            both.wait(0.3)
+        return found
+
+    monkeypatch.setattr(watched, "rows_after", read_together)
+    watch = Watch(tmp_path)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda _: watch.look(), range(2)))
+    assert only(watch).done == 2
+
+
 def test_a_run_that_is_begun_again(tmp_path):
     folder = tmp_path / "run"
     begin_run(folder)
@@ -120,14 +142,21 @@ def test_a_workspace_that_is_a_link_shows_nothing_of_where_it_leads(tmp_path):
     assert only(Watch(tmp_path)).rows[0].picture is None
 
 
-@pytest.mark.parametrize("name", ["summary.json", "comparison.json"])
-def test_a_damaged_result_says_so_and_hides_no_other(tmp_path, name):
+@pytest.mark.parametrize(
+    ("names", "kind"),
+    [
+        (("run.json", "summary.json"), "run"),
+        (("run.json", "comparison.json"), "comparison"),
+        (("evidence.json", "summary.json"), "evaluation"),
+    ],
+)
+def test_a_damaged_result_says_so_and_hides_no_other(tmp_path, names, kind):
     (tmp_path / "bad").mkdir()
-    for file in ("run.json", name):
+    for file in names:
         (tmp_path / "bad" / file).write_text("{", encoding="utf-8")
     begin_run(tmp_path / "good")
     bad, good = Watch(tmp_path).look().sources
-    assert bad.problem
+    assert (bad.kind, bool(bad.problem)) == (kind, True)
     assert good.problem is None
     assert not bad.page
 

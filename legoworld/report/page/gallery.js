@@ -101,7 +101,7 @@ function keeps(row, place, q) {
   if (place.flag && !one.cells.some((c) => c.flags && c.flags.includes(place.flag))) { return false; }
   const cat = place.cat ? Number(place.cat) : null;
   const cells = row.cells.filter((_, k) => !place.of || String(k) === place.of);
-  if (place.kind === "failed") { return cells.some((c) => c.status !== "ok"); }
+  if (place.kind === "failed") { return cells.some((/** @type {any} */ c) => c.status !== "ok" || c.valid === false); }
   if (place.kind) {
     return cells.some((/** @type {any} */ c) => (c.errors || []).some((e) => e[0] === place.kind && (cat === null || e[1] === cat)));
   }
