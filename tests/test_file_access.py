@@ -76,7 +76,7 @@ ALLOWED: dict[str, dict[str, str]] = {
         "resources.files('legoworld.viewing').joinpath('page', name).read_text": OURS,
     },
     "viewing/watched.py": {
-        "(folder / PICTURE).is_file": OURS, "(folder / RECONSTRUCTION).read_bytes": OURS,
+        "(folder / PICTURE).is_file": OURS,
         "(folder / ROWS).read_bytes": OURS, "(folder / RUN).read_bytes": OURS,
         "os.walk": "follows no link; a workspace is not entered", "path.exists": OURS,
         "path.read_bytes": OURS, "path.stat": OURS,

@@ -104,6 +104,7 @@ class Watch:
     def __init__(self, top: Path) -> None:
         self.top = top.resolve()
         self._journals: dict[Path, _Journal] = {}
+        self._ended: dict[Path, tuple[int, WatchedRow]] = {}
         self._read: dict[Path, tuple[tuple[int, ...], Watched]] = {}
         self._looking = threading.Lock()
 
@@ -205,11 +206,10 @@ class Watch:
         )
 
     def _trials(self, folder: Path, inside: Iterable[tuple[Path, bool]]) -> Watched:
-        ended: list[WatchedRow] = []
-        going: list[WatchedRow] = []
-        for one, finished in sorted(inside):
-            (ended if finished else going).append(self._trial(one, finished=finished))
-        statuses = Counter(row.status for row in [*going, *ended])
+        ended = [self._ended_trial(one) for one, finished in sorted(inside) if finished]
+        going = [self._running_trial(one) for one, finished in sorted(inside) if not finished]
+        newest = [row for _, row in sorted(ended, key=lambda one: one[0], reverse=True)]
+        statuses = Counter(row.status for row in [*going, *newest])
         return Watched(
             name=self._name(folder),
             kind="trials",
@@ -217,20 +217,27 @@ class Watch:
             done=len(ended),
             page=bool(ended),
             statuses=dict(sorted(statuses.items())),
-            rows=(*going, *reversed(ended))[:_MOST_ROWS],
+            rows=(*going, *newest)[:_MOST_ROWS],
         )
 
-    def _trial(self, folder: Path, *, finished: bool) -> WatchedRow:
-        if not finished:
-            return self._running_trial(folder)
+    def _ended_trial(self, folder: Path) -> tuple[int, WatchedRow]:
+        """When it ended, and its row; read again only when its record is another file."""
+        path = folder / RECONSTRUCTION
         try:
-            about = decode(ReconstructionFile, (folder / RECONSTRUCTION).read_bytes())
+            status = path.stat()
+            known = self._ended.get(path)
+            if known is None or known[0] != status.st_mtime_ns:
+                about = decode(ReconstructionFile, path.read_bytes())
+                row = WatchedRow(
+                    name=about.scene,
+                    status=about.status,
+                    note=one_line(about.reason),
+                    picture=self._name(folder / PICTURE) if (folder / PICTURE).is_file() else None,
+                )
+                known = self._ended[path] = (status.st_mtime_ns, row)
         except (OSError, RecordError) as error:
-            return WatchedRow(name=folder.name, status="unreadable", note=_reason(error))
-        picture = self._name(folder / PICTURE) if (folder / PICTURE).is_file() else None
-        return WatchedRow(
-            name=about.scene, status=about.status, note=one_line(about.reason), picture=picture
-        )
+            return 0, WatchedRow(name=folder.name, status="unreadable", note=_reason(error))
+        return known
 
     def _running_trial(self, folder: Path) -> WatchedRow:
         unfinished = UnfinishedTrial(folder=folder, stays=True)

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from trajectories.pages import recorded
 
 from legoworld.records.base import readable
 from legoworld.records.folders.run_journal import append, journal
@@ -169,3 +170,19 @@ def test_folders_too_deep_hidden_or_many_are_left_out(tmp_path, monkeypatch):
     state = Watch(tmp_path).look()
     assert state.left_out
     assert not Watch(tmp_path / ".hidden").look().left_out
+
+
+def test_the_newest_of_many_ended_trials_are_shown(tmp_path):
+    record = json.loads(readable(recorded(tmp_path / ".made").about))
+    for number in range(65):
+        folder = tmp_path / "scenes" / f"{number:02}"
+        folder.mkdir(parents=True)
+        file = folder / "reconstruction.json"
+        file.write_text(json.dumps(record | {"scene": f"{number:02}"}), encoding="utf-8")
+        os.utime(file, (1000 + number * 7 % 65, 1000 + number * 7 % 65))
+    watch = Watch(tmp_path)
+    source = only(watch)
+    expected = sorted(range(65), key=lambda number: number * 7 % 65, reverse=True)[:60]
+    assert [row.name for row in source.rows] == [f"{number:02}" for number in expected]
+    (tmp_path / "scenes" / "09" / "reconstruction.json").write_text("{", encoding="utf-8")
+    assert only(watch).statuses == {"ok": 64, "unreadable": 1}
