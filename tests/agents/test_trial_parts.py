@@ -447,10 +447,11 @@ def test_a_folder_that_no_trial_made_and_another_campaign_s_are_refused(campaign
         ({"card_sha256": "d" * 64}, "theirs, 60 s, prompt pppppppp, plugin off"),
         ({"time_limit_s": 61.5}, "theirs, 61.5 s, prompt pppppppp, plugin off"),
         ({"prompt_sha256": "q" * 64}, "theirs, 60 s, prompt qqqqqqqq, plugin off"),
+        ({"budget": {"calls": 5, "cost_usd": 1.5}}, "plugin off, budget calls 5, cost_usd 1.5"),
         ({"plugin": used}, r"theirs, 60 s, prompt pppppppp, plugin 9 \(records, evidence\)"),
     ]:
         (folder / "reconstruction.json").write_text(json.dumps(about | change))
-        ours = "own, 60 s, prompt pppppppp, plugin off"
+        ours = "own, 60 s, prompt pppppppp, plugin off, budget none"
         with pytest.raises(UsageError, match=f"s2 is of another campaign.*{found}.*{ours}"):
             campaign.make(1, run_trial)
 
