@@ -181,18 +181,25 @@ def _refuse_other_campaign(
 ) -> None:
     used = plan.plugin.provenance if plan.plugin else None
     theirs_used = recorded.plugin if isinstance(recorded, ReconstructionFile) else None
-    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used, plan.budget)
+    # A record that has a part of a trial alone would count that part alone.
+    counted = recorded.record if isinstance(recorded, BegunTrial) else plan.record
+    ours = (
+        plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used, plan.budget,
+        plan.record,
+    )  # fmt: skip
     theirs = (
         recorded.card_sha256, recorded.prompt_sha256, recorded.time_limit_s, theirs_used,
-        recorded.budget,
+        recorded.budget, counted,
     )  # fmt: skip
     if ours != theirs:
         raise UsageError(
             f"{target} is of another campaign",
             found=f"{recorded.agent}, {theirs[2]:g} s, prompt {theirs[1][:8]}, "
-            f"plugin {_modules(theirs_used)}, budget {_limits(recorded.budget)}",
+            f"plugin {_modules(theirs_used)}, budget {_limits(recorded.budget)}"
+            f"{', recorded' if counted else ''}",
             expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}, "
-            f"plugin {_modules(used)}, budget {_limits(plan.budget)}",
+            f"plugin {_modules(used)}, budget {_limits(plan.budget)}"
+            f"{', recorded' if plan.record else ''}",
             next_step="pass another -o: an agent, its prompt and its limits are one campaign's",
         )
 
