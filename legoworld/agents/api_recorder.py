@@ -39,7 +39,7 @@ _OF_A_CONNECTION: Final = frozenset(
 _NOT_SENT: Final = _OF_A_CONNECTION | {b"host", b"content-length", b"accept-encoding"}
 _NOT_RETURNED: Final = _OF_A_CONNECTION | {b"content-length"}
 _DECODED: Final = ("gzip", "deflate")
-_CONNECT_S: Final = 30.0
+_TIMEOUT: Final = httpx2.Timeout(None, connect=30.0)
 #: What is still under way when the agent has ended is cut.
 _END_WITHIN_S: Final = 1
 
@@ -80,8 +80,7 @@ class ApiRecorder:
 
     @asynccontextmanager
     async def _connecting(self, _app: Starlette) -> AsyncIterator[None]:
-        timeout = httpx2.Timeout(None, connect=_CONNECT_S)
-        async with httpx2.AsyncClient(timeout=timeout) as self._client:
+        async with httpx2.AsyncClient() as self._client:
             yield
 
     async def _forward(self, request: Request) -> Response:
@@ -109,13 +108,16 @@ class ApiRecorder:
         return response
 
     async def _outgoing(self, request: Request) -> httpx2.Request:
+        """The request as it came: the client itself would add its own headers and cookies."""
         query: bytes = request.scope["query_string"]
         path: bytes = self._api.raw_path.rstrip(b"/") + request.scope["raw_path"]
-        return self._client.build_request(
+        kept = [pair for pair in request.headers.raw if pair[0] not in _NOT_SENT]
+        return httpx2.Request(
             request.method,
             self._api.copy_with(raw_path=path + (b"?" + query if query else b"")),
-            headers=[pair for pair in request.headers.raw if pair[0] not in _NOT_SENT],
+            headers=[*kept, (b"accept-encoding", ", ".join(_DECODED).encode())],
             content=await request.body() or None,
+            extensions={"timeout": _TIMEOUT.as_dict()},
         )
 
     async def _pieces(self, row: ApiRequest, answer: httpx2.Response) -> AsyncIterator[bytes]:

@@ -17,9 +17,16 @@ from typing import Final
 from msgspec.structs import replace
 
 from legoworld.agents.agent_cards import AgentCard
-from legoworld.agents.prices import PriceCard
+from legoworld.agents.prices import PriceCard, least_cost_usd, recorded_usage
 from legoworld.errors import UsageError
-from legoworld.records.agents import UNLIMITED, Budget, OverBudget, TranscriptFormat, Usage
+from legoworld.records.agents import (
+    UNLIMITED,
+    ApiRequest,
+    Budget,
+    OverBudget,
+    TranscriptFormat,
+    Usage,
+)
 from legoworld.records.base import as_json
 from legoworld.trajectories.join_parts import join_trajectories
 from legoworld.trajectories.transcripts import read_transcript, total_usage
@@ -57,7 +64,7 @@ def used_tokens(usage: Usage) -> int | None:
 def unheld(budget: Budget, used: Usage) -> tuple[str, ...]:
     """What of a budget could not be held to, since nothing counts it."""
     unknown = {
-        "tokens": budget.tokens is not None and used_tokens(used) is None,
+        "tokens": budget.tokens is not None and not used_tokens(used),
         "dollars": budget.cost_usd is not None and used.cost_usd is None,
     }
     return tuple(
@@ -75,6 +82,17 @@ def read_usage(
         return usage
     counts = (usage.prompt_tokens, usage.cached_tokens, usage.completion_tokens)
     return replace(usage, cost_usd=price.cost_usd(*(n or 0 for n in counts)))
+
+
+def recorded_so_far(requests: Sequence[ApiRequest], stated: Usage, prices: PriceCard) -> Usage:
+    """What recorded requests have used. stated: by the transcript.
+
+    A request that was not counted, or whose model is not on the card, ends no budget of dollars:
+    the others have cost at least so much, or what the transcript states.
+    """
+    used = recorded_usage(requests, prices, stated)
+    least = least_cost_usd(requests, prices)
+    return replace(used, cost_usd=max(used.cost_usd or 0.0, least))
 
 
 class BudgetWatch:

@@ -97,6 +97,15 @@ def recorded_usage(requests: Sequence[ApiRequest], prices: PriceCard, stated: Us
     )  # fmt: skip
 
 
+def least_cost_usd(requests: Sequence[ApiRequest], prices: PriceCard) -> float:
+    """What recorded requests cost at least: tokens that are known, of models on the card."""
+    return sum(
+        price.cost_usd(row.prompt_tokens or 0, row.cached_tokens or 0, row.completion_tokens or 0)
+        for row in requests
+        if row.spent and (price := prices.find_price(row.model)) is not None
+    )
+
+
 def _priced(
     usage: Usage, prices: PriceCard, uses: Sequence[tuple[str | None, _Count, _Count, _Count]]
 ) -> Usage:

@@ -23,8 +23,8 @@ from legoworld.agents.unfinished_trial import (
 from legoworld.api.listener import Listener
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.locks import held_folder
-from legoworld.records.agents import BegunTrial, Outcome, ReconstructionFile, TrialRow
-from legoworld.records.base import RecordError, decode
+from legoworld.records.agents import BegunTrial, Budget, Outcome, ReconstructionFile, TrialRow
+from legoworld.records.base import RecordError, as_json, decode
 from legoworld.records.plugin_install import PluginUsed
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.tracks.track import TrackImage
@@ -150,8 +150,8 @@ def _scenes(output: Path, run: int, repeat: int) -> Path:
 def _existing_row(item: TrialItem, plan: TrialPlan) -> TrialRow | None:
     """The row of a trial that is there; None for one to make.
 
-    UsageError for a scene folder that no trial made, and for a trial of another campaign: an agent,
-    a prompt or a time limit is the same for all scenes of a folder.
+    UsageError for a scene folder that no trial made, and for a trial of another campaign: agent,
+    prompt, time limit, plugin and budget are the same for all scenes of a folder.
     """
     target = item.scenes / item.image.scene
     if not target.exists():
@@ -181,24 +181,36 @@ def _refuse_other_campaign(
 ) -> None:
     used = plan.plugin.provenance if plan.plugin else None
     theirs_used = recorded.plugin if isinstance(recorded, ReconstructionFile) else None
-    ours = (plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used, plan.budget)
+    # A record that has a part of a trial alone would count that part alone.
+    counted = recorded.record if isinstance(recorded, BegunTrial) else plan.record
+    ours = (
+        plan.card.sha256, plan.work.prompt_sha256, plan.limits.time_s, used, plan.budget,
+        plan.record,
+    )  # fmt: skip
     theirs = (
         recorded.card_sha256, recorded.prompt_sha256, recorded.time_limit_s, theirs_used,
-        recorded.budget,
+        recorded.budget, counted,
     )  # fmt: skip
     if ours != theirs:
         raise UsageError(
             f"{target} is of another campaign",
             found=f"{recorded.agent}, {theirs[2]:g} s, prompt {theirs[1][:8]}, "
-            f"plugin {_modules(theirs_used)}",
+            f"plugin {_modules(theirs_used)}, budget {_limits(recorded.budget)}"
+            f"{', recorded' if counted else ''}",
             expected=f"{plan.card.name}, {ours[2]:g} s, prompt {ours[1][:8]}, "
-            f"plugin {_modules(used)}",
+            f"plugin {_modules(used)}, budget {_limits(plan.budget)}"
+            f"{', recorded' if plan.record else ''}",
             next_step="pass another -o: an agent, its prompt and its limits are one campaign's",
         )
 
 
 def _modules(used: PluginUsed | None) -> str:
     return "off" if used is None else f"{used.version} ({', '.join(used.modules)})"
+
+
+def _limits(budget: Budget) -> str:
+    given = {key: value for key, value in as_json(budget).items() if value is not None}
+    return ", ".join(f"{key} {value}" for key, value in given.items()) or "none"
 
 
 def _row(item: TrialItem, status: Outcome, reason: str) -> TrialRow:

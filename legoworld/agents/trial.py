@@ -12,8 +12,7 @@ from typing import Final
 
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.agent_process import Order, output_name, run_agent
-from legoworld.agents.budget import BudgetWatch, read_usage
-from legoworld.agents.prices import recorded_usage
+from legoworld.agents.budget import BudgetWatch, read_usage, recorded_so_far
 from legoworld.agents.recorded_card import sent_to
 from legoworld.agents.recorded_steps import encode_steps, remaining_steps
 from legoworld.agents.stop import Stop
@@ -186,12 +185,13 @@ def _agent_part(
 
 def _usage_so_far(plan: TrialPlan, unfinished: UnfinishedTrial) -> Usage:
     """What the agent has used, by its recorded requests or its transcript, as far as there are."""
-    if plan.record:
-        rows = read_rows(unfinished.scene_folder / TRIAL / REQUESTS, ApiRequest)
-        return recorded_usage(rows, plan.prices, Usage())
     unfinished.take_transcript(output_name(plan.card))
     kind = plan.card.about.transcript.format
-    return read_usage(unfinished.transcripts(), kind, plan.model, plan.prices)
+    stated = read_usage(unfinished.transcripts(), kind, plan.model, plan.prices)
+    if not plan.record:
+        return stated
+    rows = read_rows(unfinished.scene_folder / TRIAL / REQUESTS, ApiRequest)
+    return recorded_so_far(rows, stated, plan.prices)
 
 
 @contextmanager

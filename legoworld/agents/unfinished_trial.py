@@ -194,6 +194,7 @@ def identity(plan: TrialPlan, image: TrackImage, parts: tuple[int, ...]) -> Begu
         prompt_sha256=plan.work.prompt_sha256,
         time_limit_s=plan.limits.time_s,
         budget=plan.budget,
+        record=plan.record,
         parts=parts,
     )
 

@@ -136,6 +136,8 @@ class OpenLedger:
             told = isinstance(error, LegoWorldError)
             text = str(error) if told else f"{type(error).__name__}: {error}"
             self._append(tool, request, None, text, phase, open_now)
+            if error is given:
+                raise
             raise error from given
         number, after = open_now, phase
         if opens:

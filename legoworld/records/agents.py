@@ -135,7 +135,7 @@ class Usage(Record, frozen=True, kw_only=True):
 
     tokens_source: null without tokens; cost_source: "transcript", or the price card that the cost
     is by, null without a cost. requests, uncounted: of a recorded trial, and how many of them were
-    answered without tokens or cut before the end: what they used is in no total.
+    answered without tokens or cut before the end: the totals have only what those stated.
     """
 
     prompt_tokens: int | None = None
@@ -278,6 +278,7 @@ class BegunTrial(Record, frozen=True, kw_only=True):
     prompt_sha256: str
     time_limit_s: float
     budget: Budget = Budget()
+    record: bool = False
     parts: tuple[int, ...]
 
 

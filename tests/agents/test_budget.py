@@ -9,11 +9,19 @@ from types import SimpleNamespace
 
 import pytest
 from agents.tracks import SMALL, make_track, plan, run, server_or_skip, steps_file
+from msgspec.structs import replace as replace_record
 from waiting import until
 
 from legoworld import cli
 from legoworld.agents.agent_cards import load_agent, read_agent_card
-from legoworld.agents.budget import BudgetWatch, plan_budget, read_usage, unheld, used_tokens
+from legoworld.agents.budget import (
+    BudgetWatch,
+    plan_budget,
+    read_usage,
+    recorded_so_far,
+    unheld,
+    used_tokens,
+)
 from legoworld.agents.prices import PriceCard
 from legoworld.agents.trial import _usage_so_far
 from legoworld.agents.unfinished_trial import UnfinishedTrial
@@ -71,7 +79,7 @@ def test_a_cost_that_the_transcript_tells_goes_before_the_card(tmp_path):
 def test_a_recorder_counts_while_the_transcript_says_nothing(tmp_path):
     unfinished = UnfinishedTrial(folder=tmp_path, stays=True)
     (unfinished.scene_folder / TRIAL).mkdir(parents=True)
-    plan = SimpleNamespace(record=True, prices=PRICES)
+    plan = SimpleNamespace(record=True, prices=PRICES, model="m", card=load_agent("codex"))
     rows = [
         ApiRequest(
             number=number, at_s=1.0, wire="responses", status=200, seconds=1.0, ended="whole",
@@ -85,6 +93,19 @@ def test_a_recorder_counts_while_the_transcript_says_nothing(tmp_path):
     assert used.cost_usd == pytest.approx(0.02 + 0.003)
 
 
+def test_a_request_that_was_not_counted_does_not_end_the_budget_of_dollars():
+    whole = ApiRequest(
+        number=1, at_s=1.0, wire="chat", status=200, ended="whole", model="m",
+        prompt_tokens=1000, cached_tokens=0, completion_tokens=20,
+    )  # fmt: skip
+    cut = ApiRequest(number=2, at_s=2.0, wire="chat", status=200, model="m")
+    other = replace_record(whole, number=3, model="unknown")
+    so_far = [recorded_so_far([whole, one], Usage(), PRICES).cost_usd for one in (cut, other)]
+    assert so_far == pytest.approx([0.012, 0.012])
+    stated = recorded_so_far([whole, other], Usage(cost_usd=0.5), PRICES)
+    assert stated.cost_usd == 0.5
+
+
 def test_a_budget_that_nothing_counts_is_named():
     asked = Budget(calls=5, tokens=9, cost_usd=1.0)
     assert unheld(asked, Usage(prompt_tokens=3, cost_usd=0.5)) == ()
@@ -92,6 +113,8 @@ def test_a_budget_that_nothing_counts_is_named():
         "the budget was not held to: no tokens are known",
         "the budget was not held to: no dollars are known",
     )
+    past = Usage(prompt_tokens=0, completion_tokens=0, tokens_source="recorded", requests=0)
+    assert unheld(Budget(tokens=9), past) == ("the budget was not held to: no tokens are known",)
     assert unheld(Budget(calls=5), Usage()) == ()
 
 
@@ -145,7 +168,7 @@ def test_a_trial_ends_at_its_calls_and_keeps_what_they_built(tmp_path):
     assert (row.status, row.calls, row.checkpoints) == ("ok", 3, 2)
     assert (about.ended, about.exit_code, about.budget) == ("calls", None, made.budget)
     assert row.reason == "the agent: ended at its calls limit"
-    with pytest.raises(UsageError, match="another campaign"):
+    with pytest.raises(UsageError, match=r"another campaign.*budget calls 3;.*budget none"):
         run(plan(tmp_path), tmp_path / "scenes")
     (kept,) = run(made, tmp_path / "scenes")
     assert kept.kept

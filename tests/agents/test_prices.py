@@ -107,6 +107,7 @@ def test_a_cost_that_a_record_does_not_tell_is_the_transcript_s(card, row):
     usage = recorded_usage([request(), row], card, Usage(cost_usd=3.5, cost_source="transcript"))
     assert (usage.cost_usd, usage.cost_source) == (3.5, "transcript")
     assert usage.uncounted == (row is CUT)
+    assert (usage.prompt_tokens, usage.completion_tokens) == (200, 10 if row is CUT else 20)
     assert recorded_usage([row], card, Usage()).cost_usd is None
     assert recorded_usage([], card, Usage()).cost_usd is None
 

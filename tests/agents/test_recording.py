@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import socket
 import threading
@@ -98,6 +99,39 @@ def test_an_api_that_is_not_there_is_said_to_the_client(tmp_path):
         )  # fmt: skip
     (row,) = rows(tmp_path)
     assert (row.status, row.ended, row.uncounted) == (None, "unreachable", False)
+
+
+class _Sets(BaseHTTPRequestHandler):
+    """Keeps the headers of each request, and sets a cookie."""
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.seen.append({key.lower(): value for key, value in self.headers.items()})  # type: ignore[attr-defined]
+        self.send_response(200)
+        self.send_header("Set-Cookie", "session=1; Path=/")
+        self.send_header("Content-Length", "2")
+        self.end_headers()
+        self.wfile.write(b"{}")
+
+
+def test_no_header_is_added_and_the_api_s_cookies_are_the_client_s_own(tmp_path):
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Sets) as server:
+        server.seen = []  # type: ignore[attr-defined]
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        api = f"http://127.0.0.1:{server.server_address[1]}"
+        with ApiRecorder(api, tmp_path / "requests.jsonl") as recorder:
+            for _ in range(2):
+                client = http.client.HTTPConnection(recorder.url.removeprefix("http://"))
+                client.request("POST", "/v1/messages", b"{}", {"x-own": "1"})
+                assert client.getresponse().headers["Set-Cookie"] == "session=1; Path=/"
+                client.close()
+        server.shutdown()
+    # The proxy takes in what it can read: nothing that an installed decoder would add.
+    sent = {"x-own": "1", "host": api.removeprefix("http://"), "content-length": "2"}
+    assert server.seen == [{**sent, "accept-encoding": "gzip, deflate"}] * 2  # type: ignore[attr-defined]
 
 
 class _Slow(BaseHTTPRequestHandler):

@@ -355,6 +355,7 @@ def campaign(tmp_path, monkeypatch):
     plan = SimpleNamespace(
         card=card, plugin=None, programs=None, work=SimpleNamespace(prompt_sha256="p" * 64),
         limits=SimpleNamespace(time_s=60.0, memory_bytes=99), budget=UNLIMITED,
+        record=False,
     )  # fmt: skip
     images = [SimpleNamespace(id=n, scene=f"deep/s{n}") for n in (2, 1)]
 
@@ -447,12 +448,25 @@ def test_a_folder_that_no_trial_made_and_another_campaign_s_are_refused(campaign
         ({"card_sha256": "d" * 64}, "theirs, 60 s, prompt pppppppp, plugin off"),
         ({"time_limit_s": 61.5}, "theirs, 61.5 s, prompt pppppppp, plugin off"),
         ({"prompt_sha256": "q" * 64}, "theirs, 60 s, prompt qqqqqqqq, plugin off"),
+        ({"budget": {"calls": 5, "cost_usd": 1.5}}, "plugin off, budget calls 5, cost_usd 1.5"),
         ({"plugin": used}, r"theirs, 60 s, prompt pppppppp, plugin 9 \(records, evidence\)"),
     ]:
         (folder / "reconstruction.json").write_text(json.dumps(about | change))
-        ours = "own, 60 s, prompt pppppppp, plugin off"
+        ours = "own, 60 s, prompt pppppppp, plugin off, budget none"
         with pytest.raises(UsageError, match=f"s2 is of another campaign.*{found}.*{ours}"):
             campaign.make(1, run_trial)
+
+
+def test_a_half_built_trial_that_was_recorded_is_not_continued_without(campaign):
+    folder = unfinished_folder(campaign.out, SimpleNamespace(id=2, scene="deep/s2"))
+    folder.mkdir(parents=True)
+    begun = {
+        "scene": "deep/s2", "agent": "own", "card_sha256": "c" * 64, "prompt_sha256": "p" * 64,
+        "time_limit_s": 60.0, "record": True, "parts": [0],
+    }  # fmt: skip
+    (folder / "begun.json").write_text(json.dumps(begun))
+    with pytest.raises(UsageError, match=r"another campaign.* none, recorded; .*budget none; "):
+        campaign.make(1, lambda *_: None)
 
 
 def test_mcp_for_blender_is_installed_from_its_own_project(monkeypatch):
