@@ -49,8 +49,8 @@ def write_animation(scene: Scene, file: Path, photo: Path | None, render: Path |
     size_wh = max(1, round(width * scale)), max(1, round(height * scale))
     view = scene.view(size_wh=size_wh)
     turned = [_lit(one) for one in scene.views(world_from_cam=_swing(view), size_wh=size_wh)]
-    shown = [*(cv2.resize(s, size_wh, interpolation=cv2.INTER_AREA) for s in stills), turned[0]]
-    frames = [Image.fromarray(one) for one in _frames(shown, turned)]  # type: ignore[arg-type]
+    shown = [*(_fit(still, size_wh) for still in stills), turned[0]]
+    frames = [Image.fromarray(one) for one in _frames(shown, turned)]
     data = io.BytesIO()
     frames[0].save(
         data, "WEBP", save_all=True, append_images=frames[1:], duration=_FRAME_MS, loop=0,
@@ -58,6 +58,18 @@ def write_animation(scene: Scene, file: Path, photo: Path | None, render: Path |
     )  # fmt: skip
     with atomic_path(file) as unfinished:
         unfinished.write_bytes(data.getvalue())
+
+
+def _fit(still: Picture, size_wh: tuple[int, int]) -> Picture:
+    """The whole picture at this size, with bars where its shape is another."""
+    (width, height), (h, w) = size_wh, still.shape[:2]
+    scale = min(width / w, height / h)
+    fitted = min(width, max(1, round(w * scale))), min(height, max(1, round(h * scale)))
+    left, top = (width - fitted[0]) // 2, (height - fitted[1]) // 2
+    made: Picture = np.full((height, width, 3), _GROUND, np.uint8)
+    resized = cv2.resize(still, fitted, interpolation=cv2.INTER_AREA)
+    made[top : top + fitted[1], left : left + fitted[0]] = resized
+    return made
 
 
 def _frames(stills: Sequence[Picture], turned: Sequence[Picture]) -> Iterator[Picture]:

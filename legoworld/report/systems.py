@@ -34,10 +34,10 @@ def systems_table(section: Section) -> tuple[Table, ...]:
 
 
 def photos_table(section: Section, rows: Sequence[PhotoRow]) -> tuple[Table, ...]:
-    """What each side has on each photo, the photos first on which they differ most."""
+    """What each side has on each photo: first those that a side failed, then the widest apart."""
     if len(section.sides) < _FEWEST or not rows:
         return ()
-    ordered = sorted(rows, key=lambda row: (-_spread(row), row.id))[:_MOST_PHOTOS]
+    ordered = sorted(rows, key=lambda row: (_apart(row), row.id))[:_MOST_PHOTOS]
     cells = [
         (
             Text(text=row.file_name, link=f"#/{section.key}/{row.id}"),
@@ -45,13 +45,14 @@ def photos_table(section: Section, rows: Sequence[PhotoRow]) -> tuple[Table, ...
         )
         for row in ordered
     ]
+    note = "Each photo's own number, as its card has it;"
     of = "" if len(ordered) == len(rows) else f" {len(ordered)} of {len(rows)}:"
     return (
         table(
             ["photo", *(side.name for side in section.sides)],
             cells,
             title="Every photo by system",
-            notes=[f"Each photo's own number, as its card has it;{of} the widest apart first."],
+            notes=[f"{note}{of} those that a side failed first, then the widest apart."],
         ),
     )
 
@@ -98,7 +99,8 @@ def _number(value: float | None) -> Number:
     return Number(value=value, digits=3)
 
 
-def _spread(row: PhotoRow) -> float:
-    """How far the sides lie apart; a side without a number counts as 0."""
-    values = [cell.number or 0.0 for cell in row.cells]
-    return max(values) - min(values)
+def _apart(row: PhotoRow) -> tuple[bool, float]:
+    """Sorts by it: photos that a side failed first, then the widest apart."""
+    known = [cell.number for cell in row.cells if cell.number is not None]
+    spread = max(known) - min(known) if known else 0.0
+    return all(cell.status == "ok" for cell in row.cells), -spread

@@ -9,7 +9,7 @@ from PIL import Image
 
 import legoworld
 from legoworld import cli
-from legoworld.api.animation import _SWING, _frames, _swing
+from legoworld.api.animation import _SWING, _fit, _frames, _swing
 from legoworld.errors import LegoWorldError
 
 SCENE = CHECKOUT / "examples" / "chelsea"
@@ -76,6 +76,14 @@ def test_stills_fade_into_each_other_and_back():
     assert frames[12:19] == [30, 60, 90, 120, 150, 180, 210]
     assert frames[19:22] == [240] * 3
     assert frames[22:] == [210, 180, 150, 120, 90, 60, 30]
+
+
+def test_a_still_of_another_shape_keeps_its_own():
+    still = np.full((10, 40, 3), 200, np.uint8)
+    fitted = _fit(still, (20, 20))
+    assert (fitted[8:12] > 190).all()  # 20 x 5, between bars
+    assert {*fitted[:6].ravel(), *fitted[14:].ravel()} == {24}
+    assert (_fit(still, (80, 20)) == 200).all()
 
 
 def test_what_cannot_be_shown(scene, tmp_path):

@@ -76,9 +76,11 @@ def test_every_photo_by_system(section):
         for cell, one in zip(cells, row.cells, strict=True):
             want = Number(value=one.quality, digits=3) if one.status == "ok" else one.status
             assert cell == want
-        values = [one.quality or 0.0 for one in row.cells]
-        spreads.append(max(values) - min(values))
-    assert spreads == sorted(spreads, reverse=True)
+        values = [one.quality for one in row.cells if one.quality is not None]
+        whole = all(one.status == "ok" for one in row.cells)
+        spreads.append((whole, min(values) - max(values)))
+    assert spreads == sorted(spreads)
+    assert not spreads[0][0]
     assert ["failed" in row for row in shown.rows].count(True) == 1
 
 

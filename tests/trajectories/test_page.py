@@ -261,3 +261,14 @@ def test_pairs_name_the_pictures_that_were_scored(tmp_path, capsys):
     asked[2] = str(tmp_path / "others")
     assert cli.run(asked) == 2
     assert "is not below SCENES" in capsys.readouterr().err
+
+
+def test_an_address_that_names_no_trial_shows_the_first(chrome, tmp_path):
+    """%E0%A4%A is half a character."""
+    recorded(tmp_path / "scenes")
+    page = tmp_path / "page.html"
+    assert cli.run(["trajectory", "report", str(tmp_path / "scenes"), "-o", str(page)]) == 0
+    for address in ("#%E0%A4%A", "#another", "#room"):
+        chrome.open(page, address)
+        chrome.until("location.hash === '#room'")
+    assert chrome.said == []
