@@ -104,6 +104,6 @@ class XScores(XNumbers, frozen=True, kw_only=True):
     """
 
     objects: tuple[Object3D, ...]
-    A_x_seen: float | None
+    A_x_seen: float | None = None
     surface_differs: float | None
     unreadable_alpha: int
