@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
-from importlib import metadata
+from collections.abc import Iterable
+from importlib import import_module, metadata
 from typing import Literal
+
+from legoworld.errors import InstallationError
 
 Extra = Literal[
     "draco", "exr", "ray", "url", "plugin", "usd", "hdf5", "serve", "record", "examples"
@@ -35,3 +38,17 @@ def install_command(extra: Extra) -> str:
     It names the packages: no project `legoworld` is published that pip could take an extra from.
     """
     return f"pip install {shlex.join(requirements(extra))}"
+
+
+def require_extra(extra: Extra, what: str, modules: Iterable[str]) -> None:
+    """InstallationError where one of an extra's modules cannot be imported. what: needs them."""
+    try:
+        for name in modules:
+            import_module(name)
+    except ImportError as error:
+        raise InstallationError(
+            f"{what} needs a package that is not installed",
+            found=str(error),
+            expected=f"the extra `{extra}`",
+            next_step=install_command(extra),
+        ) from error

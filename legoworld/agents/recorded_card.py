@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from legoworld import extras
 from legoworld.agents.agent_cards import AgentCard
-from legoworld.errors import InstallationError, UsageError
+from legoworld.errors import UsageError
 from legoworld.files import Json
 
 
@@ -21,17 +21,8 @@ def check_recordable(card: AgentCard) -> None:
             expected="a card that says where its API is, and how its agent is sent elsewhere",
             next_step="leave out --record, or add the table; docs/agents.md",
         )
-    try:
-        import httpx2  # noqa: F401
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-    except ImportError as error:
-        raise InstallationError(
-            "`reconstruct --record` needs a package that is not installed",
-            found=str(error),
-            expected="the extra `record`",
-            next_step=extras.install_command("record"),
-        ) from error
+    needed = ("httpx2", "starlette", "uvicorn")
+    extras.require_extra("record", "`reconstruct --record`", needed)
 
 
 def sent_to(card: AgentCard, url: str) -> AgentCard:

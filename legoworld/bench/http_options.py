@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld import extras
-from legoworld.errors import InstallationError, UsageError, cause
+from legoworld.errors import UsageError, cause
 
 TOKEN_VARIABLE: Final = "LEGOWORLD_SERVE_TOKEN"
 _SHORTEST_TOKEN: Final = 16
@@ -62,13 +62,4 @@ def access_token(file: Path | None) -> tuple[str, bool]:
 
 def require_http(what: str) -> None:
     """InstallationError without the extra that an HTTP server needs. what: such as "view"."""
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-    except ImportError as error:
-        raise InstallationError(
-            f"`{what}` needs a package that is not installed",
-            found=str(error),
-            expected="the extra `serve`",
-            next_step=extras.install_command("serve"),
-        ) from error
+    extras.require_extra("serve", f"`{what}`", ("starlette", "uvicorn"))

@@ -56,25 +56,20 @@ def rank_sides(
     drawn = np.array([s for s in samples if s is not None])
     sign = 1.0 if metric.better == "higher" else -1.0
     whole = len(drawn) == len(found)
+
+    def difference(i: int, j: int) -> tuple[float, Interval | None] | None:
+        if i == j:
+            return None
+        value = float(values[i] - values[j])
+        return value, rule.interval(drawn[i] - drawn[j], value, least=-1.0) if whole else None
+
+    places = range(len(found))
     return RankedSides(
         metric=metric,
         unit=unit,
         values=values,
         ranks=tuple(rank_systems(sign * values, sign * drawn if whole else None)),
-        differences=tuple(
-            tuple(
-                None
-                if i == j
-                else (
-                    float(values[i] - values[j]),
-                    rule.interval(drawn[i] - drawn[j], values[i] - values[j], least=-1.0)
-                    if whole
-                    else None,
-                )
-                for j in range(len(found))
-            )
-            for i in range(len(found))
-        ),
+        differences=tuple(tuple(difference(i, j) for j in places) for i in places),
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, TypedDict
 
 from legoworld import extras
-from legoworld.errors import InstallationError, UsageError
+from legoworld.errors import UsageError
 from legoworld.locks import held_alone
 from legoworld.plugin.case import STATES, Case
 from legoworld.plugin.connection import Address, BlenderConnection
@@ -24,15 +24,7 @@ _LOCK: Final = ".lock"
 
 def require_server() -> None:
     """InstallationError without the extra that the server needs."""
-    try:
-        import mcp.server  # noqa: F401
-    except ImportError as error:
-        raise InstallationError(
-            "the plugin's server needs a package that is not installed",
-            found=str(error),
-            expected="the extra `plugin`",
-            next_step=extras.install_command("plugin"),
-        ) from error
+    extras.require_extra("plugin", "the plugin's server", ("mcp.server",))
 
 
 class PluginServing(TypedDict):
