@@ -1,4 +1,4 @@
-"""How many files one image, and one comparison, walk through, and how often the walk turns back.
+"""How many files an image, an evaluation and a comparison walk through, and how often back.
 
     python benchmarks/walk/walk.py [SCENE_FOLDER] [--files] [--back]
 
@@ -9,8 +9,9 @@ Each pair of functions counts once, however often one calls the other. Calls bac
 sends a reader anywhere. The walk is done once before it is counted, so that no import is part of
 it; what runs in Blender's process and in threads is not seen.
 
-An image is read by `SceneReader.do`, with nothing cached and with its snapshot cached. Compared
-are the shipped examples' boxes with the same boxes, imported, by `legoworld.compare`.
+An image is read by `SceneReader.do`, with nothing cached and with its snapshot cached. Evaluated by
+`legoworld.evaluate` are the shipped examples' boxes; compared by `legoworld.compare` are they with
+the same boxes, imported.
 Another checkout is measured with its folder in PYTHONPATH.
 """
 
@@ -45,11 +46,11 @@ class Walk:
         self.entered: dict[str, int] = {}
         self.calls: dict[tuple[Function, Function], bool] = {}  # whether a property is called
 
-    def follow(self, work: Callable[..., Any], *arguments: object) -> Any:
+    def follow(self, work: Callable[..., Any], *arguments: object, **options: object) -> Any:
         """Do the work and follow it."""
         sys.setprofile(self._event)
         try:
-            return work(*arguments)
+            return work(*arguments, **options)
         finally:
             sys.setprofile(None)
 
@@ -108,8 +109,8 @@ def one_image(scene: Path, folder: Path) -> dict[str, Walk]:
     return dict(zip(("image", "image, cached"), walks[1:], strict=True))
 
 
-def comparison(folder: Path) -> Walk:
-    """The walk of a comparison of the shipped examples' boxes with the same boxes, imported."""
+def evaluation_and_comparison(folder: Path) -> dict[str, Walk]:
+    """The walks of evaluating the shipped examples' boxes, and comparing them with the same, imported."""
     data = PACKAGE.parent / "datasets" / "skimage_examples"
     results = str(folder / "run" / "predictions.json")
     track = ["--task", "coco", "--track", str(data / "track_coco.json")]
@@ -126,14 +127,15 @@ def comparison(folder: Path) -> Walk:
             str(folder / "imported"),
         ]
         assert cli.run(imported) == 0
+    truth = data / "truth_coco.json"
+    evaluated, compared = Walk(), Walk()
     evaluations = [
-        legoworld.evaluate(folder / run, folder / f"eval {run}", truth=data / "truth_coco.json")
-        for run in ("run", "imported")
+        legoworld.evaluate(folder / "imported", folder / "eval imported", truth=truth),
+        evaluated.follow(legoworld.evaluate, folder / "run", folder / "eval run", truth=truth),
     ]
-    first, walk = Walk(), Walk()
-    first.follow(legoworld.compare, evaluations, folder / "compared first")
-    walk.follow(legoworld.compare, evaluations, folder / "compared")
-    return walk
+    legoworld.compare(evaluations, folder / "compared first")
+    compared.follow(legoworld.compare, evaluations, folder / "compared")
+    return {"evaluation": evaluated, "comparison": compared}
 
 
 def main() -> int:
@@ -147,7 +149,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="legoworld-walk-") as name:
         walks = {
             **one_image(chosen.scene, Path(name)),
-            "comparison": comparison(Path(name)),
+            **evaluation_and_comparison(Path(name)),
         }
     for what, walk in walks.items():
         back, aside = walk.back(aside=False), walk.back(aside=True)
