@@ -27,7 +27,7 @@ from starlette.routing import Route
 from legoworld.agents.api_usage import AnswerReader, wire_of
 from legoworld.endpoint.listener import HOST
 from legoworld.endpoint.trial_record import append_row
-from legoworld.errors import Raised
+from legoworld.errors import Raised, UsageError, cause
 from legoworld.records.agents import ApiRequest, RequestEnd
 
 _METHODS: Final = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
@@ -54,7 +54,7 @@ class ApiRecorder:
         self._api, self._rows = httpx2.URL(api.rstrip("/")), rows
         self._began = time.monotonic() - used_s
         self._numbers = itertools.count(1 + _lines(rows))
-        self._client: httpx2.AsyncClient
+        self._client = open_client()
         self._socket = socket.create_server((HOST, 0))
         self.url = f"http://{HOST}:{self._socket.getsockname()[1]}"
         routes = [Route("/{path:path}", self._forward, methods=_METHODS)]
@@ -80,7 +80,7 @@ class ApiRecorder:
 
     @asynccontextmanager
     async def _connecting(self, _app: Starlette) -> AsyncIterator[None]:
-        async with httpx2.AsyncClient() as self._client:
+        async with self._client:
             yield
 
     async def _forward(self, request: Request) -> Response:
@@ -103,6 +103,8 @@ class ApiRecorder:
         decoded = answer.headers.get("content-encoding") in _DECODED
         dropped = _NOT_RETURNED | ({b"content-encoding"} if decoded else set())
         own = [pair for pair in response.raw_headers if pair[0] == b"content-length"]
+        if request.method == "HEAD" and not decoded:  # it is the length of what a GET would bring
+            dropped, own = dropped - {b"content-length"}, []
         kept = [pair for pair in answer.headers.raw if pair[0].lower() not in dropped]
         response.raw_headers = [*own, *kept]
         return response
@@ -147,6 +149,19 @@ class ApiRecorder:
 
     def _clock(self) -> float:
         return round(time.monotonic() - self._began, 3)
+
+
+def open_client() -> httpx2.AsyncClient:
+    """The recorder's client. UsageError for a proxy of the environment that it cannot use."""
+    try:
+        return httpx2.AsyncClient()
+    except (ImportError, ValueError, httpx2.InvalidURL) as error:
+        raise UsageError(
+            "--record cannot reach an API through the proxy that the environment names",
+            found=cause(error),
+            expected="an http:// or https:// address in HTTP_PROXY, HTTPS_PROXY and ALL_PROXY",
+            next_step="unset or correct these variables, or leave out --record",
+        ) from error
 
 
 def _streamed(answer: httpx2.Response) -> bool:

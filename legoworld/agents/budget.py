@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from legoworld.agents.agent_cards import AgentCard
 from legoworld.agents.prices import PriceCard, least_cost_usd, recorded_usage
-from legoworld.errors import UsageError
+from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.records.agents import (
     UNLIMITED,
     ApiRequest,
@@ -95,6 +95,12 @@ def recorded_so_far(requests: Sequence[ApiRequest], stated: Usage, prices: Price
     return replace(used, cost_usd=max(used.cost_usd or 0.0, least))
 
 
+class BudgetNotWatchedError(LegoWorldError):
+    """What a trial has used cannot be read any more: it would spend without an end."""
+
+    code = "budget_not_watched"
+
+
 class BudgetWatch:
     """Ends an agent where its budget is spent, and remembers which part of it was.
 
@@ -108,10 +114,14 @@ class BudgetWatch:
         self.over: OverBudget | None = None
         self._budget, self._refused, self._usage = budget, refused, usage
         self._done = threading.Event()
+        self._failed: Exception | None = None
 
     @contextmanager
     def ends(self, end: Callable[[], None]) -> Iterator[None]:
-        """Call `end` when the budget is spent during the block."""
+        """Call `end` when the budget is spent during the block, or cannot be watched.
+
+        BudgetNotWatchedError at the end of the block for the latter.
+        """
         looking = threading.Thread(target=self._look, args=(end,), daemon=True)
         looking.start()
         try:
@@ -119,13 +129,24 @@ class BudgetWatch:
         finally:
             self._done.set()
             looking.join()
+        if self._failed is not None:
+            raise BudgetNotWatchedError(
+                "the budget cannot be watched, and the agent was ended",
+                found=f"{type(self._failed).__name__}: {cause(self._failed)}",
+                expected="a readable transcript, or rows of recorded requests",
+                next_step="run the command again to resume; without --max-tokens and --max-cost "
+                "nothing is watched",
+            ) from self._failed
 
     def _look(self, end: Callable[[], None]) -> None:
         pause = _LOOK_EVERY_S
         while self._budget != UNLIMITED and not self._done.wait(pause):
             began = time.thread_time()
-            self.over = self._spent()
-            if self.over is not None:
+            try:
+                self.over = self._spent()
+            except Exception as error:  # noqa: BLE001  raised by `ends`, in the trial's thread
+                self._failed = error
+            if self.over is not None or self._failed is not None:
                 end()
                 return
             # Reading a long transcript takes time: at most a twentieth of it.

@@ -13,7 +13,10 @@ from legoworld.files import Json
 
 
 def check_recordable(card: AgentCard) -> None:
-    """UsageError for a card that cannot be recorded; InstallationError without the extra."""
+    """UsageError for a card that cannot be recorded, or a proxy that cannot be used.
+
+    InstallationError without the extra.
+    """
     if card.about.record is None:
         raise UsageError(
             f"the agent {card.name} cannot be recorded",
@@ -23,6 +26,9 @@ def check_recordable(card: AgentCard) -> None:
         )
     needed = ("httpx2", "starlette", "uvicorn")
     extras.require_extra("record", "`reconstruct --record`", needed)
+    from legoworld.agents.api_recorder import open_client  # of the extra
+
+    open_client()
 
 
 def sent_to(card: AgentCard, url: str) -> AgentCard:

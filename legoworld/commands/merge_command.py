@@ -48,7 +48,7 @@ def command(
     merged = merge(shards, output, images_per_file=images_per_file, overwrite=overwrite)
     runs = [*merged.values()] if isinstance(merged, ByTask) else [merged]
     documents: list[Document] = [{"run": str(one.folder), "summary": one.summary} for one in runs]
-    given = plural(len(shards), "run", "shards")
+    given = plural(len(shards), "run", "runs")
     lines = (
         f"{given}, {share(coverage.ok, coverage.attempted, 'image', 'images')} read -> {one.folder}"
         for one in runs

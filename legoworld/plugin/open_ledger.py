@@ -127,14 +127,17 @@ class OpenLedger:
     ) -> _T:
         """Make a call and append it, an error included, before its outcome is returned."""
         phase = self.phase
-        open_now = self.transaction if phase == "open" else None
+        open_now, base = self.transaction if phase == "open" else None, self._base
         try:
             made = call()
+            if self.interruption.asked:  # as it ended: its client has no answer to it
+                raise cancelled_error()
             answer = as_json(made)
         except Exception as given:
             error = cancelled_error() if self.interruption.asked else given
             told = isinstance(error, LegoWorldError)
             text = str(error) if told else f"{type(error).__name__}: {error}"
+            self._base = base
             self._append(tool, request, None, text, phase, open_now)
             if error is given:
                 raise

@@ -13,7 +13,7 @@ from legoworld.plugin.artefacts import MIME_TYPES, URIS, Kind, find_kind
 from legoworld.plugin.case import Case
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.modules import MODULES, tools_off
-from legoworld.plugin.tool_answers import brief, cut_answer
+from legoworld.plugin.tool_answers import brief, cut_answer, page_start
 from legoworld.plugin.tool_schemas import (
     answer_schema,
     argument_schema,
@@ -171,6 +171,7 @@ class _Desk:
         self, _context: ServerRequestContext, params: types.PaginatedRequestParams | None
     ) -> types.ListResourcesResult:
         from mcp import types
+        from mcp.shared.exceptions import MCPError
 
         first = types.Resource(
             uri=_REQUIREMENTS,
@@ -178,7 +179,10 @@ class _Desk:
             title="Kinds of requirements",
             mime_type="text/markdown",
         )
-        start = int(params.cursor) if params and params.cursor and params.cursor.isdecimal() else 0
+        try:
+            start = page_start(params.cursor, "cursor") if params and params.cursor else 0
+        except UsageError as error:
+            raise MCPError(types.INVALID_PARAMS, str(error)) from error
         listed = [first, *(_resource(path) for path in self._served.case.artefacts.files())]
         page = listed[start : start + _PAGE]
         more = str(start + _PAGE) if start + _PAGE < len(listed) else None

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import msgspec
 
+from legoworld.errors import UsageError
 from legoworld.files import Json, canonical_json
 from legoworld.plugin.case import Case
 from legoworld.records.base import readable
@@ -18,6 +19,8 @@ JsonObject = dict[str, Any]
 MOST_CHARACTERS: Final = 24_000
 #: Of them for what stands around the items of a page.
 _AROUND: Final = 400
+_MOST_DIGITS: Final = 18
+_SHOWN: Final = 80
 _DIGITS: Final = 6
 
 
@@ -72,6 +75,20 @@ def cut_answer(case: Case, answer: JsonObject) -> JsonObject:
     holder[key] = items[:cut]
     kept = case.artefacts.keep(canonical_json({"place": place, "items": items}).encode(), "json")
     return {**answer, "next_cursor": f"{kept}.{cut}"}
+
+
+def page_start(text: str, argument: str) -> int:
+    """Where a page begins, by a cursor's number. UsageError naming the argument for another text.
+
+    Python refuses to read numbers of 4,300 digits; no list is as long as one of 18.
+    """
+    if text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS:
+        return int(text)
+    raise UsageError(
+        f"{argument} names no page",
+        found=repr(text[:_SHOWN]),
+        expected="next_cursor of an answer",
+    )
 
 
 def page_of(kept: JsonObject, sha256: str, start: int) -> JsonObject:

@@ -19,7 +19,7 @@ from legoworld.plugin.plan import construction_plan
 from legoworld.plugin.result_pictures import result_pictures
 from legoworld.plugin.room import assign_structures
 from legoworld.plugin.server_looks import Looking, look
-from legoworld.plugin.tool_answers import page_of, report_of, state_of
+from legoworld.plugin.tool_answers import page_of, page_start, report_of, state_of
 from legoworld.readouts.pictures import png_bytes
 from legoworld.records import plugin_calls as calls
 from legoworld.records.base import as_json, to_record
@@ -180,16 +180,13 @@ def _export(served: Served, _: calls.NoArguments) -> calls.ExportAnswer:
 
 def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
     sha256, _, start = asked.cursor.partition(".")
-    if not (start.isdecimal() and start.isascii()):
-        raise UsageError(
-            "there is no such page", found=repr(asked.cursor), expected="next_cursor of an answer"
-        )
+    begins = page_start(start, "cursor")
     kept = json.loads(served.case.artefacts.read(sha256, "json"))
     if not {"place", "items"} <= kept.keys():
         raise UsageError(
-            "there is no such page", found="a report", expected="next_cursor of an answer"
+            "cursor names no page", found="a report", expected="next_cursor of an answer"
         )
-    page = page_of(kept, sha256, int(start))
+    page = page_of(kept, sha256, begins)
     return calls.MoreAnswer(**page, **state_of(served.case))
 
 

@@ -15,6 +15,7 @@ from waiting import until
 from legoworld import cli
 from legoworld.agents.agent_cards import load_agent, read_agent_card
 from legoworld.agents.budget import (
+    BudgetNotWatchedError,
     BudgetWatch,
     plan_budget,
     read_usage,
@@ -134,6 +135,21 @@ def test_what_is_spent_ends_the_agent_and_is_remembered(budget, used, over):
         until(lambda: ended if over else len(looked) > 1)
     assert watch.over == over
     assert bool(ended) == (over is not None)
+
+
+def test_a_budget_that_cannot_be_watched_ends_the_agent_and_is_said():
+    ended = []
+
+    def unreadable():
+        raise ValueError("no number")
+
+    watch = BudgetWatch(Budget(tokens=9), refused=lambda: False, usage=unreadable)
+    with (
+        pytest.raises(BudgetNotWatchedError, match="agent was ended; found: ValueError: no number"),
+        watch.ends(lambda: ended.append(1)),
+    ):
+        until(lambda: ended)
+    assert watch.over is None
 
 
 def test_a_budget_is_the_card_s_unless_another_is_asked_for(tmp_path):

@@ -19,9 +19,12 @@ import pytest
 from agent_programs.model_server import ModelServer, Turn
 from waiting import until
 
+from legoworld.agents.agent_cards import load_agent
 from legoworld.agents.api_recorder import ApiRecorder
 from legoworld.agents.api_usage import AnswerReader, wire_of
+from legoworld.agents.recorded_card import check_recordable
 from legoworld.endpoint.trial_record import read_rows
+from legoworld.errors import UsageError
 from legoworld.records.agents import ApiRequest
 
 KEY = "sk-a-secret-of-7351"
@@ -99,6 +102,39 @@ def test_an_api_that_is_not_there_is_said_to_the_client(tmp_path):
         )  # fmt: skip
     (row,) = rows(tmp_path)
     assert (row.status, row.ended, row.uncounted) == (None, "unreachable", False)
+
+
+@pytest.mark.parametrize(
+    ("proxy", "said"), [("socks5://127.0.0.1:1", "socks"), ("gopher://127.0.0.1:1", "scheme")]
+)
+def test_a_proxy_that_cannot_be_used_is_refused_before_the_first_trial(monkeypatch, proxy, said):
+    monkeypatch.setenv("ALL_PROXY", proxy)
+    with pytest.raises(UsageError, match=rf"(?i)through the proxy .*found: .*{said}.*ALL_PROXY"):
+        check_recordable(load_agent("codex"))
+
+
+class _Long(BaseHTTPRequestHandler):
+    """Says how long a GET's answer would be."""
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+    def do_HEAD(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Length", "1234")
+        self.end_headers()
+
+
+def test_the_length_that_a_head_tells_is_the_api_s(tmp_path):
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Long) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        api = f"http://127.0.0.1:{server.server_address[1]}"
+        with ApiRecorder(api, tmp_path / "requests.jsonl") as recorder:
+            request = urllib.request.Request(f"{recorder.url}/v1/files/1", method="HEAD")
+            with urllib.request.urlopen(request) as answer:
+                assert answer.headers.get_all("Content-Length") == ["1234"]
+        server.shutdown()
+    assert [row.status for row in rows(tmp_path)] == [200]
 
 
 class _Sets(BaseHTTPRequestHandler):

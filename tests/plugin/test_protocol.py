@@ -172,7 +172,8 @@ def test_the_union_names_every_kind_and_what_it_needs(tools):
          r"'transfrom' at \$.kinds\[0\]; expected: one of added, .*nearest: transform"),
         ("begin", {"editable": [], "kinds": ["mesh"]}, r"\$.editable; expected: array at least 1"),
         ("review", {"render_sha256": "x"}, "render_sha256"),
-        ("more", {"cursor": "x"}, "next_cursor"),
+        ("more", {"cursor": "x"}, "cursor names no page"),
+        ("more", {"cursor": f"{'0' * 64}.{'9' * 4301}"}, "cursor names no page"),
         ("more", {"cursor": f"{'/' * 64}.1"}, "no such artefact"),
     ],
 )  # fmt: skip
@@ -263,6 +264,15 @@ def test_a_resource_that_is_none_is_refused(case, uri, said):
     (told,) = asked(plugin_server(case, None), lambda client: client.read_resource(uri))
     assert isinstance(told, MCPError)
     assert said in str(told)
+
+
+def test_a_cursor_that_no_list_gave_is_refused(case):
+    told = asked(
+        plugin_server(case, None),
+        lambda client: client.list_resources(cursor="9" * 4301),
+        lambda client: client.list_resources(cursor="x"),
+    )
+    assert ["cursor names no page" in str(one) for one in told] == [True, True]
 
 
 class SilentBlender:

@@ -49,6 +49,16 @@ def test_merged_shards_are_the_undivided_run(task, scenes: Path, tmp_path: Path)
     assert results(tmp_path / "merged") == results(tmp_path / "whole")
 
 
+def test_what_is_merged_are_runs_however_many(scenes: Path, tmp_path: Path, capsys):
+    for i in (1, 2):
+        readout(scenes, tmp_path / f"shard{i}", "--shard", f"{i}/2")
+    capsys.readouterr()
+    merge(tmp_path / "two", tmp_path / "shard1", tmp_path / "shard2")
+    merge(tmp_path / "one", tmp_path / "two")
+    two, one = capsys.readouterr().out.splitlines()
+    assert (two.split(",")[0], one.split(",")[0]) == ("2 runs", "1 run")
+
+
 def test_more_shards_than_images(scenes: Path, tmp_path: Path):
     readout(scenes, tmp_path / "whole")
     shards = [tmp_path / f"shard{i}" for i in range(1, 9)]
