@@ -73,7 +73,7 @@ class Card:
             ) from error
 
     def value(self, key: str) -> Any:
-        """A value by its dotted key, such as "scoring.seed". InstallationError without it."""
+        """A value by its dotted key, such as "scoring.metrics". InstallationError without it."""
         found: Any = self.values
         for part in key.split("."):
             if not isinstance(found, dict) or part not in found:
