@@ -14,6 +14,7 @@ import ast
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,6 +48,7 @@ def counted() -> tuple[int, list[Parameter]]:
     return len(found), [one for one in found if names.is_open(one.module, one.annotation)]
 
 
+@cache
 def modules() -> dict[str, ast.Module]:
     """The package's modules, parsed, by name."""
     # A wheel has the baselines' programs in _catalog.

@@ -44,13 +44,13 @@ class Photo:
 
 
 def mssd(model: Model, pose: Floats, true: Floats) -> float:
-    """The largest distance of a vertex from its true place, for the best symmetry. Poses: (3, 4)."""
+    """The largest distance of a vertex of a (3, 4) pose from its true place, by best symmetry."""
     mine = transform_points(pose, model.vertices.astype(np.float64))
     return min(_farthest(mine, theirs) for theirs in _alike(model, true))
 
 
 def mspd(model: Model, pose: Floats, true: Floats, photo: Photo) -> float:
-    """The same in the picture, in pixels. Poses: (3, 4)."""
+    """The same in the picture, in pixels; poses (3, 4)."""
     mine = _projected(transform_points(pose, model.vertices.astype(np.float64)), photo.intrinsics)
     alike = _alike(model, true)
     return min(_farthest(mine, _projected(theirs, photo.intrinsics)) for theirs in alike)

@@ -54,7 +54,7 @@ def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[A
 
 
 def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
-    """The table of a policy from `pack_matches`' shapes; the equal one is the own if that was equal."""
+    """A policy's table, shapes as packed; the equal one is the own where that was equal already."""
     prefix = policy if policy + "state" in arrays else OWN
     return MatchTable(
         image_ids=arrays["image_ids"],

@@ -68,7 +68,7 @@ def resampled_metrics(
 def single_image_metrics(
     table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
 ) -> set[str]:
-    """Metrics with truth in fewer than two images, so without a spread. frequencies: (K,) r, c, f."""
+    """Metrics with truth in fewer than two images, so without a spread. frequencies: (K,)."""
     lone = set()
     for metric in protocol.metrics:
         cells = table.n_truths[protocol.grid.areas.index(metric.area)] > 0
