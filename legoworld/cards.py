@@ -73,7 +73,7 @@ class Card:
             ) from error
 
     def value(self, key: str) -> Any:
-        """A value by its dotted key, such as "scoring.max_detections"."""
+        """A value by its dotted key, such as "scoring.metrics". InstallationError without it."""
         found: Any = self.values
         for part in key.split("."):
             if not isinstance(found, dict) or part not in found:
@@ -115,7 +115,7 @@ def read_card(path: Path, task: str) -> Card:
 
 
 def read_values(path: Path, task: str) -> Card:
-    """Read a card without holding it to anything.
+    """Read a card without holding it to anything. InstallationError for one that is no TOML.
 
     base: the name of a card beside it, whose tables it has where it declares none of the name.
     """

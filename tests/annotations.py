@@ -13,7 +13,8 @@ from __future__ import annotations
 import ast
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,18 +42,24 @@ class Parameter(NamedTuple):
 
 def counted() -> tuple[int, list[Parameter]]:
     """How many annotated parameters there are, and the open ones."""
-    # A wheel has the baselines' programs in _catalog.
-    files = [path for path in PACKAGE.rglob("*.py") if "_catalog" not in path.parts]
-    trees = {_module(path): ast.parse(path.read_text(encoding="utf-8")) for path in files}
+    trees = modules()
     names = Names(trees)
     found = [one for module in trees for one in parameters(module, trees[module])]
     return len(found), [one for one in found if names.is_open(one.module, one.annotation)]
 
 
+@cache
+def modules() -> dict[str, ast.Module]:
+    """The package's modules, parsed, by name."""
+    # A wheel has the baselines' programs in _catalog.
+    files = [path for path in PACKAGE.rglob("*.py") if "_catalog" not in path.parts]
+    return {_module(path): ast.parse(path.read_text(encoding="utf-8")) for path in files}
+
+
 class Names:
     """The types that the modules of a package give names to."""
 
-    def __init__(self, trees: dict[str, ast.Module]) -> None:
+    def __init__(self, trees: Mapping[str, ast.Module]) -> None:
         self._aliases = {
             (module, name): value for module in trees for name, value in aliases(trees[module])
         }
@@ -66,23 +73,23 @@ class Names:
 
     def is_open(self, module: str, annotation: ast.expr) -> bool:
         """Whether an annotation of a module is open, seen through the names it uses."""
-        if isinstance(annotation, ast.Subscript) and _name(annotation.value) == "dict":
+        if isinstance(annotation, ast.Subscript) and last_name(annotation.value) == "dict":
             return True
         return self._open_within(module, annotation, frozenset())
 
     def _open_within(self, module: str, node: ast.expr, within: frozenset[tuple[str, str]]) -> bool:
         """within: the names that are being replaced; a recursive type names itself."""
         if isinstance(node, ast.Subscript):
-            if _name(node.value) in ARRAYS | {"Literal"}:
+            if last_name(node.value) in ARRAYS | {"Literal"}:
                 return False
-            outer = _name(node.value) not in COLLECTIONS and self._open_within(
+            outer = last_name(node.value) not in COLLECTIONS and self._open_within(
                 module, node.value, within
             )
             return outer or self._open_within(module, node.slice, within)
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             return self._open_within(module, ast.parse(node.value, mode="eval").body, within)
         if isinstance(node, ast.Name | ast.Attribute):
-            name = _name(node)
+            name = last_name(node)
             place = self._home(module, name)
             if name in ANYTHING or (name in COLLECTIONS and isinstance(node, ast.Name)):
                 return True
@@ -91,6 +98,30 @@ class Names:
             return self._open_within(place[0], self._aliases[place], within | {place})
         return any(
             self._open_within(module, child, within)
+            for child in ast.iter_child_nodes(node)
+            if isinstance(child, ast.expr)
+        )
+
+    def has_array(self, module: str, node: ast.expr) -> bool:
+        """Whether an annotation of a module has an array anywhere, seen through names."""
+        return self._array_within(module, node, frozenset())
+
+    def _array_within(
+        self, module: str, node: ast.expr, within: frozenset[tuple[str, str]]
+    ) -> bool:
+        if isinstance(node, ast.Subscript) and last_name(node.value) == "Literal":
+            return False
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            return self._array_within(module, ast.parse(node.value, mode="eval").body, within)
+        if isinstance(node, ast.Name | ast.Attribute):
+            place = self._home(module, last_name(node))
+            if last_name(node) in {"NDArray", "ndarray"}:
+                return True
+            if place in within or place not in self._aliases:
+                return False
+            return self._array_within(place[0], self._aliases[place], within | {place})
+        return any(
+            self._array_within(module, child, within)
             for child in ast.iter_child_nodes(node)
             if isinstance(child, ast.expr)
         )
@@ -126,7 +157,7 @@ def _module(path: Path) -> str:
     return ".".join(("legoworld", *path.relative_to(PACKAGE).with_suffix("").parts))
 
 
-def _name(node: ast.expr) -> str:
+def last_name(node: ast.expr) -> str:
     """The last part of a dotted name; "" for anything else."""
     if isinstance(node, ast.Attribute):
         return node.attr

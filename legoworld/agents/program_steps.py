@@ -33,6 +33,7 @@ def cut_program(path: Path, most: int = MOST_STEPS) -> list[RecordedStep]:
 
     A step ends with each statement that acts. The body of a main() that the program ends with
     counts as its own statements. A step that fails is the last, as it would be in the program.
+    ProgramNotCutError for a file that is not Python.
     """
     try:
         module = ast.parse(path.read_bytes())

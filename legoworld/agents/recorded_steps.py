@@ -24,7 +24,10 @@ class StepsUnusableError(LegoWorldError):
 def remaining_steps(
     plan: TrialPlan, image: TrackImage, workspace: Workspace, calls: Sequence[Call]
 ) -> list[RecordedStep] | None:
-    """The steps that are left to play after these calls; None for an agent that plays none."""
+    """The steps left to play after these calls; None for an agent that plays none.
+
+    StepsUnusableError for an image without a program, and for a recording that cannot be read.
+    """
     if plan.programs is None:
         return None
     recorded = _recording_path(plan.programs, image)

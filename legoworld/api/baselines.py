@@ -69,7 +69,8 @@ def baseline_run(
     prompts_from_truth: LVIS only, prompt with each image's verified categories, which is recorded.
     inputs: what it may read besides its weights and photos; pass_variables: variables of the
     environment it gets. model: `ModelOptions`. Other arguments: as in `readout`. `listener.log`
-    gets the baseline's output. An image that it cannot process is a row.
+    gets the baseline's output. An image that it cannot process is a row. UsageError for a task, or
+    a label_map, that the baseline has no use for.
     """
     card = load_baseline(name)
     if task not in card.about.tasks:

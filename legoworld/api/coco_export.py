@@ -169,7 +169,7 @@ def export_coco(
 def document_of_run(
     run_folder: Path, *, visible: bool = False, track: Track | str | Path | None = None
 ) -> CocoFile:
-    """What `export_coco` writes, and with its errors."""
+    """What `export_coco` writes; UsageError for a run that COCO cannot hold."""
     source = read_run(run_folder)
     if find_family(source.task) != DETECTION:
         raise UsageError(
@@ -203,7 +203,7 @@ def document_of_run(
 
 
 def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
-    """The categories of the run: the track's, a shipped dataset's, or those of its own labels."""
+    """The run's categories: the track's, a dataset's or its labels'. UsageError if unknown."""
     expected = run.configuration.vocabulary_sha256
     vocabulary = open_track(track).vocabulary if track is not None else None
     if vocabulary is None:

@@ -131,13 +131,13 @@ def compare(
 
     evaluations: of one task, or the evaluations of several tasks: the scene's of each is then
     compared, in output/<task>, with those of the others that have the task. Or sides by name, the
-    scene's first: evaluations, or answers in memory that are evaluated against the truth as
-    `evaluate` does, into output/<name> beside output/comparison; without an output only the
-    document stays. draws, seed: number of
-    bootstrap samples and RNG seed, shared by both sides. fail_below: "METRIC=DELTA" strings, the
-    minimum gain of the scene; thresholds that are not met are in `Comparison.below`. Of several
-    tasks, each holds for those that have the metric. allow_truth_prompts: accept a baseline that
-    was prompted with ground truth. overwrite: replace an existing comparison.
+    scene's first: evaluations, or answers in memory, arrays (H, W) or (H, W, 3), evaluated against
+    the truth as `evaluate` does, into output/<name> beside output/comparison; without an output
+    only the document stays. draws, seed: number of bootstrap samples and RNG seed, shared by both
+    sides. fail_below: "METRIC=DELTA" strings, the minimum gain of the scene; thresholds that are
+    not met are in `Comparison.below`. Of several tasks, each holds for those that have the metric.
+    allow_truth_prompts: accept a baseline that was prompted with ground truth. overwrite: replace
+    an existing comparison.
 
     Raises UsageError or IncomparableError (different ground truth, track, card, evaluator or
     version) before anything is written.

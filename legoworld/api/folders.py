@@ -64,7 +64,7 @@ def written_whole(place: Place, *, last: str) -> Iterator[Path]:
 
 @contextmanager
 def read_from(place: Place) -> Iterator[Path]:
-    """A folder to read from; a URL is fetched for the duration of the block."""
+    """A folder to read from; a URL is fetched for the block. UsageError if it is empty."""
     if isinstance(place, Path):
         yield place
         return

@@ -48,6 +48,7 @@ def plugin_evidence(
     category ids are those of `task`. depth: relative depth as .npy, .npz or .png. runs: folders of
     baselines that saw the photo. The camera is a provider's file, or a horizontal field of view in
     degrees, or recovered by the baseline `provider`, which is run with `weights` and `model`.
+    UsageError for two sources of the camera, and for a provider without weights.
     """
     if sum(one is not None for one in (hfov_deg, camera, provider)) > 1:
         raise UsageError("--fov, --camera and --provider say the same: pass one of them")

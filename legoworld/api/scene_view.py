@@ -351,7 +351,7 @@ class SceneView:
         return [entry for _, entry in sorted(self._exports(image_id), key=lambda pair: pair[0])]
 
     def scored_answer(self, image_id: int = 1) -> list[dict[str, Any]] | NDArray[np.float32]:
-        """What `score` takes: results, or an array as `depth_z_m` or `normals`.
+        """What `score` takes: results, or `depth_z_m` (H, W) or `normals` (H, W, 3).
 
         Equal confidences are ranked by place, so results are in the order of predictions.json.
         """

@@ -34,7 +34,7 @@ def score_photo(
     program_or_scene: a .py, any .blend or .glb, or a scene folder, which are only read. image: the
     photo's id or file name in the ground truth, None for its own name. Below output: the scene of a
     program, run, evaluation, overlay and report. It reads ground truth: no agent that builds scenes
-    may see it.
+    may see it. UsageError for anything else.
     """
     what = Path(program_or_scene)
     if not what.is_dir() and what.suffix not in (".py", ".blend", ".glb"):

@@ -43,8 +43,8 @@ class Truth:
         """Read a ground truth.
 
         truth: the dataset's own annotations, COCO or LVIS JSON; of depth and normals the arrays by
-        image id, or the one array, planar metres or vectors towards the camera. Raises
-        TruthInvalidError, UsageError.
+        image id, or the one array, (H, W) planar metres or (H, W, 3) vectors towards the camera.
+        Raises TruthInvalidError, UsageError.
         """
         check_argument("task", task)
         if isinstance(truth, str | Path):
@@ -61,7 +61,7 @@ class Truth:
         return self.family.sizes_wh(self.held)
 
     def score(self, answers: LiveAnswers, image_ids: Collection[int] | None) -> Scores:
-        """The scores of answers to images, None for all."""
+        """The scores of answers, arrays (H, W) or (H, W, 3), to images, None for all."""
         return self.family.score(self.task, self.held, answers, image_ids)
 
 
@@ -74,12 +74,12 @@ def score(
 ) -> Scores:
     """Score answers in memory. The numbers are the official evaluator's over the same images.
 
-    answers: views of a task, or arrays, by image id; one of them with image_id; or results as in a
-    results file, such as `view.predictions()` or a model's own. truth: a `Truth`, or what
-    `Truth.open` takes, which is then read for this call alone. task: of results and arrays where
-    the truth does not say it. image_id: the image that one view or array is of (None where the
-    truth has one only), or the only image of results to be scored; without it results are scored
-    over every image of the truth, as the official evaluators do.
+    answers: views of a task, or arrays, (H, W) metres or (H, W, 3), by image id; one of them with
+    image_id; or results as in a results file, such as `view.predictions()` or a model's own. truth:
+    a `Truth`, or what `Truth.open` takes, which is then read for this call alone. task: of results
+    and arrays where the truth does not say it. image_id: the image that one view or array is of
+    (None where the truth has one only), or the only image of results to be scored; without it
+    results are scored over every image of the truth, as the official evaluators do.
 
     Raises UsageError, PredictionsInvalidError, TruthInvalidError or TruthMismatchError.
     """
@@ -99,7 +99,7 @@ class Given:
 def given_answers(
     answers: Answers, truth: Truth | LiveTruth, *, task: str | None, image_id: int | None
 ) -> Given:
-    """What `score` is given, as results or arrays. UsageError, TruthInvalidError."""
+    """What `score` is given: results, (H, W) or (H, W, 3) arrays. UsageError, TruthInvalidError."""
     if image_id is not None:
         check_argument("image_id", image_id)
     one = isinstance(answers, SceneView | np.ndarray)

@@ -54,7 +54,7 @@ def torchvision_target(
     image_id: int,
     arrays: Arrays,
 ) -> TorchvisionTarget:
-    """The target of one image. UsageError for tensors where torch is not installed."""
+    """The target of one image. category_ids: (n,); masks: (n, H, W). UsageError without torch."""
     xywh = np.array([row.bbox_xywh_px for row in rows], np.float32).reshape(-1, 4)
     of_numpy = {
         "boxes": np.concatenate([xywh[:, :2], xywh[:, :2] + xywh[:, 2:]], axis=1),
@@ -78,7 +78,7 @@ def torchvision_target(
 def hf_target(
     rows: tuple[InstanceRow, ...], category_ids: NDArray[np.int64], image_id: int
 ) -> HfTarget:
-    """The target of one image; ids are those of the instances."""
+    """The target of one image; ids are those of the instances. category_ids: (n,)."""
     return HfTarget(
         image_id=image_id,
         annotations=[

@@ -40,11 +40,11 @@ def track_make(
 
     truth: the ground truth of `task`, or ground truths by task: output is then the folder of
     <task>.json, over the photos that all of them list, with `every` those that any lists. sample,
-    seed: a random sample of this many images; images: these ids or file names only. scene_names:
-    of ETH3D's layout; dataset: the name of another depth dataset; photos: the photos whose depth or
+    seed: a random sample of this many images; images: these ids or file names only. scene_names: of
+    ETH3D's layout; dataset: the name of another depth dataset; photos: the photos whose depth or
     normals in `truth` have the same names; space, unit: what such depth files hold, which is
     written to their depth.toml; sign: which way such normals point, to their normals.toml.
-    overwrite: replace existing track files.
+    overwrite: replace existing track files. UsageError for arguments that exclude each other.
     """
     truths = {name: Path(one) for name, one in truth.items()} if isinstance(truth, Mapping) else {}
     files = {name: Path(output) / f"{name}.json" for name in truths}

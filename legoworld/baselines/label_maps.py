@@ -68,7 +68,7 @@ def map_record(
     source: ImageSource,
     segments: tuple[Segment, ...] | UnsetType = UNSET,
 ) -> ImageRecord:
-    """The record of an image whose PNG is written here."""
+    """The record of an image whose PNG is written here. pixels: (H, W) grey or (H, W, 3) RGB."""
     height, width = pixels.shape[:2]
     row = replace(
         initial_row(image),

@@ -82,7 +82,7 @@ def make_lens(coefficients: Mapping[str, float], *, fisheye: bool) -> Lens | Non
 
 
 def world_from_cam(pose: tuple[float, ...], name: str) -> Pose:
-    """The inverse of cam_from_world as QW QX QY QZ TX TY TZ; the quaternion is normalised."""
+    """The inverse of cam_from_world as QW QX QY QZ TX TY TZ. CalibrationError for no rotation."""
     length = math.sqrt(sum(q * q for q in pose[:4]))
     if not length > 0:
         raise CalibrationError(

@@ -71,7 +71,7 @@ class IntervalRule:
     def interval(
         self, samples: Floats | None, value: float, *, least: float = 0.0
     ) -> Interval | None:
-        """The interval of a metric; None without samples. least: -1 for a difference of two."""
+        """The interval of (draws,) samples; None without any. least: -1 for a difference of two."""
         if samples is None:
             return None
         if self.centred:

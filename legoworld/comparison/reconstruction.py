@@ -34,14 +34,14 @@ def bench_metrics(task: str) -> list[Metric]:
 def family_draws(
     side: StoredEvaluation, kept: NDArray[np.bool_], draws: int, seed: int
 ) -> means.Draws:
-    """Draws over the families of the kept cases, shared by both sides."""
+    """Draws over the families of the kept (cases,), shared by both sides."""
     return means.family_draws(side.kept_rows(kept), draws, seed)
 
 
 def measure_bench(
     side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: means.Draws
 ) -> Measures:
-    """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out."""
+    """A side's means over the kept (cases,). images "paired" leaves out V, then 1 of all."""
     rows: list[ReconstructionRow] = side.kept_rows(kept)
     return {
         measure.name: _mean(measure, rows, shared)

@@ -17,8 +17,8 @@ def read_sides(
     """The evaluations in their given order, the scene's first, under distinct names.
 
     names: the names to use; by default each evaluation's recorded name, or its folder's name.
-    EvaluationFolderError: a folder is not a finished evaluation. EvaluationChangedError: a file
-    differs from the one recorded in its evidence.json.
+    UsageError: fewer than two folders. EvaluationFolderError: a folder is not a finished
+    evaluation. EvaluationChangedError: a file differs from the one recorded in its evidence.json.
     """
     if len(folders) < 2:
         raise UsageError(

@@ -51,7 +51,7 @@ def picture_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 def check_claim(
     path: Path, shape: tuple[int, ...], check_size: SizeCheck | None, channels: int = 1
 ) -> None:
-    """Refuse a shape that is not an image, is too large, or differs from the caller's size."""
+    """DepthFileError for a shape that is not an image, is too large or not the caller's size."""
     if channels > 1 and shape[-1:] != (channels,):
         raise DepthFileError(
             f"{path.name} is not one picture of {channels} channels",
@@ -115,7 +115,7 @@ def npy_claim(
 
 
 def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
-    """(height, width), scale and the offset of the pixels in a one-channel PFM."""
+    """(height, width), scale and offset of the pixels in a PFM. DepthFileError: not one channel."""
     with path.open("rb") as stream:
         magic = stream.readline(16).strip()
         header = [stream.readline(64)]
@@ -139,7 +139,7 @@ def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
 
 
 def png_claim(path: Path) -> tuple[int, ...]:
-    """The shape claimed by a PNG's IHDR chunk; every chunk must be inside the file.
+    """The shape claimed by a PNG's IHDR chunk. DepthFileError if a chunk is not inside the file.
 
     Decoders allocate the length that a chunk claims, up to 4 GiB, before reading it.
     """
@@ -163,7 +163,7 @@ def png_claim(path: Path) -> tuple[int, ...]:
 
 
 def pgm_claim(path: Path) -> tuple[int, ...]:
-    """The shape claimed by a PGM's header; a binary file must have the bytes for it."""
+    """The shape claimed by a PGM's header. DepthFileError if it has no binary pixels for it."""
     with path.open("rb") as stream:
         start = stream.read(_LONGEST_TEXT_HEADER)
     uncommented = b" ".join(line.split(b"#")[0] for line in start.split(b"\n"))
@@ -182,7 +182,7 @@ def pgm_claim(path: Path) -> tuple[int, ...]:
 
 
 def tiff_claim(path: Path) -> tuple[int, ...]:
-    """The shape of a TIFF's only image, (height, width) or (height, width, channels)."""
+    """The shape of a TIFF's only image, (height, width[, channels]). DepthFileError for others."""
     try:
         with path.open("rb") as stream:
             fields, following = _first_directory(stream)

@@ -78,8 +78,9 @@ def read_picture(
     """The array of a one-array file (every suffix but .npz), numbers as stored.
 
     channel: an EXR's, None to find it. check_size: called with the size before the array is read.
-    channels: numbers of a pixel that an .npy or .exr must have; a PNG's are as decoded.
-    Returns the array, not necessarily with two axes, and the EXR channel's name.
+    channels: numbers of a pixel that an .npy or .exr must have; a PNG's are as decoded. Returns the
+    array, (H, W) beside axes of 1, or (H, W, channels), and the EXR channel's name. DepthFileError
+    for others.
     """
     refuse_photo(path)
     suffix = path.suffix.lower()
@@ -126,7 +127,7 @@ def npz_contents(path: Path, labels: Container[str]) -> Npz:
 def read_npz_array(
     path: Path, name: str, check_size: SizeCheck | None, channels: int = 1
 ) -> NDArray[Any]:
-    """One array of an .npz; its claimed size is checked before it is read."""
+    """(H, W) or (H, W, channels) of an .npz; its size is checked before. DepthFileError."""
     with _npz_errors(path), zipfile.ZipFile(path) as archive:
         member = {m.filename.removesuffix(".npy"): m for m in archive.infolist()}[name]
         with _member(archive, member) as stream:
@@ -142,7 +143,7 @@ def read_npz_array(
 def npz_arrays(
     source: Path | IO[bytes], name: str, wanted: Container[str] | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of an .npz by name; what all of them claim is checked before any is read.
+    """Arrays, of any shape, by name; what all of them claim is checked before any is read.
 
     wanted: None reads every array. name: of the file, for DepthFileError.
     """
@@ -173,7 +174,7 @@ def read_raw_float32(path: Path, size_wh: tuple[int, int]) -> NDArray[np.float32
 
 
 def check_raw_float32(path: Path, size_wh: tuple[int, int]) -> None:
-    """Check a raw depth file without reading it."""
+    """Check a raw depth file without reading it. DepthFileError for one of another size."""
     refuse_photo(path)
     width, height = size_wh
     expected, found = 4 * width * height, path.stat().st_size
@@ -187,7 +188,7 @@ def check_raw_float32(path: Path, size_wh: tuple[int, int]) -> None:
 
 
 def read_pfm(path: Path, check_size: SizeCheck | None = None) -> NDArray[np.float32]:
-    """A one-channel PFM, either byte order, first row on top (the file's rows go upwards)."""
+    """A one-channel PFM as (H, W), first row on top (a file's rows go upwards). DepthFileError."""
     shape, scale, place = pfm_claim(path)
     height, width = shape
     found = path.stat().st_size - place

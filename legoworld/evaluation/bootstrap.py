@@ -31,7 +31,8 @@ def resample_counts(n_groups: int, draws: int, seed: int) -> NDArray[np.int32]:
     """How often each group is in each bootstrap sample: (draws, n_groups), rows sum to n_groups.
 
     Row k depends on n_groups, seed and k alone, so more draws extend fewer, and two methods
-    resampled over the same groups share their samples (paired differences).
+    resampled over the same groups share their samples (paired differences). UsageError for no
+    group, no draw or a seed below 0.
     """
     if n_groups < 1 or draws < 1 or seed < 0:
         raise UsageError(
@@ -84,7 +85,7 @@ def centred_interval(
     Average precision over resampled images is biased upwards: a category whose image is drawn
     twice has its true positives doubled, one that is not drawn at all leaves the mean. The samples
     are shifted onto the value before the percentiles are taken; `bootstrap_mean` is the mean before
-    the shift. value: NaN where the metric is undefined.
+    the shift. samples: (draws,). value: NaN where the metric is undefined.
     """
     mean = float(np.mean(samples[~np.isnan(samples)])) if not np.isnan(samples).all() else np.nan
     around = interval(samples - mean + value, unit=unit)

@@ -124,7 +124,7 @@ class StoredEvaluation:
 
     @cached_property
     def matches(self) -> dict[str, NDArray[Any]]:
-        """The arrays of matches.npz."""
+        """The arrays of matches.npz, shapes as in `MatchTable` and `MatchedCounts`."""
         with np.load(self.folder / MATCHES, allow_pickle=False) as arrays:
             return dict(arrays)
 

@@ -82,7 +82,8 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
 def visible_bop19(measured_mm: NDArray[Any], model_mm: NDArray[Any]) -> Mask:
     """BOP's official visibility: at most DELTA_MM behind what was measured, or nothing measured.
 
-    Both: distances from the camera, 0 where there is nothing; compared as float32, as there.
+    Both: (H, W) distances in millimetres from the camera, 0 where there is nothing; compared as
+    float32, as there.
     """
     behind = model_mm.astype(np.float32) - measured_mm.astype(np.float32)
     return np.asarray(((behind <= DELTA_MM) | (measured_mm == 0)) & (model_mm > 0))

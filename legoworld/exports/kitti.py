@@ -50,7 +50,7 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
 def write_files(
     output: Path, name: str, boxes: Sequence[Named], k: Matrix, size_wh: tuple[int, int]
 ) -> None:
-    """Write the label and the calibration of one image."""
+    """Write the label and the calibration of one image. k: (3, 3) in pixels."""
     for folder, text in (("label_2", _labels(boxes, k, size_wh)), ("calib", _calibration(k))):
         path = output / folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -73,7 +73,7 @@ class ExportedView:
         return np.asarray(np.sqrt(1 + x[None] ** 2 + y[:, None] ** 2))
 
     def picture(self) -> Rgb | None:
-        """The scene's own picture, where it has the view's size."""
+        """The scene's own (H, W, 3) picture, where it has the view's size."""
         file = self.folder / PICTURE if self.folder else None
         if file is None or not file.is_file():
             return None
@@ -82,7 +82,7 @@ class ExportedView:
 
 
 def write_image(path: Path, pixels: NDArray[Any]) -> None:
-    """Write a PNG: (H, W) uint8 or uint16, or (H, W, 3) or (H, W, 4) uint8 with red first."""
+    """A PNG of (H, W) uint8 or uint16, or (H, W, 3 or 4) uint8, red first. LegoWorldError."""
     order = {3: [2, 1, 0], 4: [2, 1, 0, 3]}
     stored = pixels if pixels.ndim == 2 else pixels[..., order[pixels.shape[2]]]
     done, data = cv2.imencode(".png", np.ascontiguousarray(stored))

@@ -81,7 +81,7 @@ class BlenderConnection:
             return None
 
     def command(self, kind: str, parameters: Mapping[str, Json]) -> Any:
-        """The result of one command."""
+        """The result of one command. BlenderRefusedError where Blender answers with a failure."""
         message = canonical(Command(type=kind, params=dict(parameters)))
         answer = self._answer(message.encode())
         if isinstance(answer, Failure):

@@ -105,6 +105,6 @@ def is_cut(shape: Shape, size_wh: tuple[int, int]) -> bool:
 
 
 def as_triple(vector: F64) -> tuple[float, float, float]:
-    """Three numbers for a record."""
+    """The numbers of a (3,) vector for a record."""
     x, y, z = (float(v) for v in vector)
     return x, y, z

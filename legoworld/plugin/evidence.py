@@ -140,6 +140,6 @@ def _disparity(folder: Path, file: EvidenceFile) -> NDArray[np.float64] | None:
 
 
 def inverse(depth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """1 / depth, NaN where depth is not positive and finite."""
+    """1 / depth in its shape, NaN where depth is not positive and finite."""
     usable = np.isfinite(depth) & (depth > 0)
     return np.divide(1.0, depth, out=np.full_like(depth, np.nan), where=usable)

@@ -29,7 +29,7 @@ class CameraProblem(NamedTuple):
 def camera_evidence(
     photo: NDArray[np.uint8], hfov_deg: float | None, provided: ProviderCamera | None
 ) -> CameraEvidence:
-    """The camera as far as it is known; what is not known says why.
+    """The camera of a photo, (H, W, 3), as far as it is known; what is not known says why.
 
     provided: a provider's, which `camera_problem` has nothing against. A rotation that it lacks is
     estimated.

@@ -37,7 +37,7 @@ class Initialisation:
     over_photo: Rgb | None
 
     def files(self, shell: Rgb | None) -> dict[str, bytes]:
-        """By name; shell: the kernel's picture of the installed shell."""
+        """By name; shell: the kernel's (H, W, 3) picture of the installed shell."""
         files = {
             "room.json": readable(self.room).encode(),
             "plan.json": readable(self.plan).encode(),

@@ -30,7 +30,7 @@ class Shape:
 
 
 def measure_shape(mask: Mask) -> Shape | None:
-    """A mask's area, centroid and extent; None for an empty one."""
+    """The area, centroid and extent of an (H, W) mask; None for an empty one."""
     # Far quicker than np.nonzero over two axes.
     rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
     if not len(rows):
@@ -56,7 +56,7 @@ def extent_ratio(mask: Shape, region: Shape) -> tuple[float, float]:
 
 
 def overlap(mask: Mask, region: Mask) -> float:
-    """Intersection over union; 0 where both are empty."""
+    """Intersection over union of two (H, W) masks; 0 where both are empty."""
     union = int(np.count_nonzero(mask | region))
     return int(np.count_nonzero(mask & region)) / union if union else 0.0
 
@@ -64,7 +64,7 @@ def overlap(mask: Mask, region: Mask) -> float:
 def boundary_distance_px(mask: Mask, region: Mask) -> float:
     """Half the sum of both mean distances from one outline's pixels to the other outline.
 
-    An outline's pixels are those of the mask with a 4-neighbour outside of it or of the picture.
+    Masks: (H, W). Their outlines are the pixels with a 4-neighbour outside of mask or picture.
     """
     # Both outlines lie in the box around both: distances there are those of the whole picture.
     box = _box(mask | region)
@@ -89,7 +89,7 @@ def _box(mask: Mask) -> tuple[slice, slice]:
 
 
 def outline(mask: Mask) -> Mask:
-    """The pixels of a mask that have a 4-neighbour which is not its own."""
+    """The pixels of an (H, W) mask that have a 4-neighbour which is not its own."""
     padded = np.pad(mask, 1)
     inside = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     return np.asarray(mask & ~inside)
@@ -103,7 +103,7 @@ class DepthFit:
     b: float
 
     def depth_m(self, disparity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Depth where the fit gives a positive one, NaN elsewhere."""
+        """Depth, in the shape of disparity, where the fit gives a positive one, else NaN."""
         inverse = self.a * disparity + self.b
         return np.divide(1.0, inverse, out=np.full_like(inverse, np.nan), where=inverse > 0)
 
@@ -111,7 +111,7 @@ class DepthFit:
 def median_pair(
     depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> tuple[float, float] | None:
-    """Medians over pixels that have both: (1 / z in 1 / metres, disparity). None below 16 px."""
+    """Medians over `both`, (H, W): (1 / z in 1 / metres, disparity). None below 16 px."""
     z, known = _paired_values(depth_z_m, disparity, both)
     if len(z) < SMALLEST_PX:
         return None
@@ -147,7 +147,7 @@ def fit_depth(pairs: Sequence[tuple[float, float]]) -> DepthFit | None:
 def depth_residual(
     fit: DepthFit, depth_z_m: NDArray[np.float32], disparity: NDArray[np.float64], both: Mask
 ) -> float | None:
-    """Median of log(z of the scene / z of the fit) over the pixels that have both, signed."""
+    """Median of log(z of the scene / z of the fit) over the pixels of `both`, (H, W), signed."""
     z, known = _paired_values(depth_z_m, disparity, both)
     expected = fit.depth_m(known)
     kept = np.isfinite(expected)

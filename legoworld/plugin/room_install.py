@@ -133,7 +133,7 @@ def refuse_another(room: Room, scene: LiveScene) -> None:
 
 
 def face_entities(room: Room, scene: LiveScene) -> Iterator[tuple[FaceName, NDArray[np.bool_]]]:
-    """The surfaces of each face in the scene. NotInstalledError where one is not there."""
+    """(n_surfaces,) which surfaces are each face's. NotInstalledError where one is not there."""
     entities = Entities(scene.snapshot)
     for face in known_faces(room):
         surfaces = entities.surfaces(face_object(face.name))

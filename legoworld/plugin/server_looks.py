@@ -111,7 +111,7 @@ def _photo(case: Case, at: Viewpoint, size: tuple[int, int]) -> Rgb:
 
 
 def draw_geometry(snapshot: Snapshot, size_wh: tuple[int, int]) -> Rgb:
-    """Each object in a colour that its name decides, darker where it is seen at a slant."""
+    """(H, W, 3): each object in a colour by its name, darker where it is seen at a slant."""
     grouping = group(snapshot, Labels(objects={}, collections={}, warnings=()))
     seen = view(snapshot, grouping, size_wh, exact=False, normals="geometric")
     numbers = np.array([crc32(i.name.encode()) % _COLORS for i in grouping.instances] + [-1])
@@ -121,7 +121,7 @@ def draw_geometry(snapshot: Snapshot, size_wh: tuple[int, int]) -> Rgb:
 
 
 def difference(first: Rgb, second: Rgb) -> Rgb:
-    """White where two pictures agree; red where the second is brighter, blue where it is darker."""
+    """White where two (H, W, 3) agree; red where the second is brighter, blue where darker."""
     apart = second.astype(np.int16) - first
     size = 255 - np.abs(apart).max(axis=2)
     brighter = apart.sum(axis=2) >= 0

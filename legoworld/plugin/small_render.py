@@ -74,7 +74,7 @@ def rec709_luma(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def spread(small: NDArray[np.float64], size_wh: tuple[int, int]) -> NDArray[np.float64]:
-    """A small picture at a larger size: each pixel the nearest one of the small picture."""
+    """A (h, w) picture at a larger (H, W): each pixel the nearest one of the small picture."""
     width, height = size_wh
     rows = (np.arange(height) * small.shape[0]) // height
     columns = (np.arange(width) * small.shape[1]) // width

@@ -78,7 +78,7 @@ def filled_view(
 
 
 def with_surfaces(snapshot: Snapshot, surfaces: NDArray[np.int64]) -> Snapshot:
-    """The snapshot with these surfaces alone, in their order."""
+    """The snapshot with these (n,) surfaces alone, in their order."""
     return replace(
         snapshot,
         surface_occurrence=snapshot.surface_occurrence[surfaces],

@@ -67,7 +67,7 @@ def scene_joints(
 
 
 def part_surfaces(snapshot: Snapshot, part: str) -> NDArray[np.int64]:
-    """Surfaces of an object and its descendants, what they instance included, ascending."""
+    """(n,) surfaces of an object and its descendants, what they instance included, ascending."""
     return _Scene(snapshot).descendant_surfaces(part)
 
 

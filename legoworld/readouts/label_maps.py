@@ -112,7 +112,7 @@ def id_colors(ids: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def write_map(run: Path, name: str, pixels: NDArray[np.uint8]) -> WrittenFile:
-    """Write an image's PNG, RGB or grey, below a run; what its row says of it."""
+    """Write an image's PNG, (H, W, 3) or (H, W), below a run; what its row says of it."""
     file = answer_file(name, ".png")
     (run / file).parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(run / file) as temporary:

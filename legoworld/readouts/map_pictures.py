@@ -24,7 +24,7 @@ _WRONG_RGB: Final = (200, 60, 40)
 def segment_picture(place: NDArray[Any], category_ids: Sequence[int]) -> Rgb:
     """Segments in their categories' hues, with white lines between them; VOID is black.
 
-    place: 0 for VOID, or 1 + the place of a segment's category in `category_ids`.
+    place: (H, W), 0 for VOID, or 1 + the place of a segment's category in `category_ids`.
     """
     nth: dict[int, int] = {}
     colors: list[tuple[int, int, int]] = [_VOID_RGB]
@@ -37,7 +37,7 @@ def segment_picture(place: NDArray[Any], category_ids: Sequence[int]) -> Rgb:
 
 
 def category_picture(categories: NDArray[Any]) -> Rgb:
-    """Each category in its hue; black where there is none."""
+    """(H, W, 3) of (H, W) categories: each in its hue; black where there is none."""
     colors = [category_color(number) for number in range(256)]
     colors[NO_CLASS] = _VOID_RGB
     picture: Rgb = np.array(colors, np.uint8)[categories]
@@ -45,7 +45,7 @@ def category_picture(categories: NDArray[Any]) -> Rgb:
 
 
 def agreement_picture(truth: NDArray[Any], answer: NDArray[Any], counted: NDArray[np.bool_]) -> Rgb:
-    """Blue where two maps of categories agree, red where not, black where it does not count."""
+    """Blue where two (H, W) maps of categories agree, red where not, black where not counted."""
     colors = np.array([_VOID_RGB, _WRONG_RGB, _RIGHT_RGB], np.uint8)
     picture: Rgb = colors[np.where(counted, np.where(truth == answer, 2, 1), 0)]
     return picture

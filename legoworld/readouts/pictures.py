@@ -64,7 +64,7 @@ def write_png(path: Path, picture: Rgb) -> None:
 
 
 def png_bytes(picture: Rgb) -> bytes:
-    """A PNG of (H, W, 3) RGB, or of (H, W) grey."""
+    """A PNG of (H, W, 3) RGB, or of (H, W) grey. LegoWorldError for other shapes."""
     pixels = picture[:, :, ::-1] if picture.ndim == 3 else picture
     done, data = cv2.imencode(".png", np.ascontiguousarray(pixels))
     if not done:
@@ -75,7 +75,7 @@ def png_bytes(picture: Rgb) -> bytes:
 def depth_picture(depth_z_m: NDArray[np.float32]) -> Rgb:
     """Inverse depth between its 2nd and 98th percentile in Spectral colours, near is red.
 
-    Pixels without depth are dark grey, a colour outside the map.
+    (H, W) to (H, W, 3). Pixels without depth are dark grey, a colour outside the map.
     """
     finite = np.isfinite(depth_z_m) & (depth_z_m > 0)
     picture: Rgb = np.full((*depth_z_m.shape, 3), _NO_DEPTH_RGB, np.uint8)
@@ -90,14 +90,14 @@ def depth_picture(depth_z_m: NDArray[np.float32]) -> Rgb:
 
 
 def instance_picture(instance: NDArray[np.int32]) -> Rgb:
-    """Each instance in its own colour on black, used when there is no photo."""
+    """(H, W) indices to (H, W, 3): a colour each on black, used when there is no photo."""
     n = int(instance.max()) + 1
     colors = np.array([_color(i) for i in range(max(n, 1))] + [(0, 0, 0)], np.uint8)
     return np.ascontiguousarray(colors[instance] // 2, np.uint8)
 
 
 def overlay(ground: Rgb, instance: NDArray[np.int32], entries: Sequence[InstanceRow]) -> Rgb:
-    """Outlines, boxes and names over a photo of the same size.
+    """Outlines, boxes and names over a photo (H, W, 3) of the size of (H, W) indices.
 
     entries: rows of instances.json; labelled ones get a box and a name, others a thin outline.
     """
@@ -126,7 +126,7 @@ def amodal_overlay(ground: Rgb, masks: Mapping[int, tuple[Mask, Mask]]) -> Rgb:
 
 
 def boxes_overlay(ground: Rgb, lines: Mapping[int, Sequence[Sequence[float]]]) -> Rgb:
-    """Edges of boxes in space over a photo of the same size. lines: x, y, x, y by instance id."""
+    """Edges of boxes in space over an (H, W, 3) photo. lines: x, y, x, y by instance id."""
     picture = ground.copy()
     for ident, edges in lines.items():
         _draw_lines(picture, edges, _color(ident))

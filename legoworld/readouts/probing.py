@@ -96,7 +96,7 @@ def surface_disagreement(
 
     A sample of Cycles lies anywhere in its pixel's filter: it agrees with any depth between the
     nearest and the farthest of the kernel's 3 x 3 pixels around, give or take `relative`, and with
-    any object that one of them shows.
+    any object that one of them shows. Arrays: (H, W), of depths in metres and of ids.
     """
     either = np.isfinite(kernel_z) | np.isfinite(cycles_z)
     if not either.any():

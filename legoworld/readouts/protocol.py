@@ -54,7 +54,8 @@ def protocol(
 ) -> Protocol:
     """A task's protocol; a track's own categories override the shipped vocabulary.
 
-    labels_of: another task whose vocabulary and label rules take the place of its own.
+    labels_of: another task whose vocabulary and label rules take the place of its own. UsageError
+    for one without categories.
     """
     task = require_task(name)
     card = load_card(name)

@@ -137,7 +137,7 @@ def write_surface(
     plane: NDArray[np.int16] | None = None,
     textures: NDArray[np.uint8] | None = None,
 ) -> None:
-    """Write RUN/surface/<stem>.npz; `records.submission` says what it holds."""
+    """Write RUN/surface/<stem>.npz; shapes as in `records.submission`."""
     arrays: dict[str, NDArray[Any]] = {
         "depth_z_m": surface.depth_z_m,
         "intrinsics_px": _intrinsics(surface.projection),

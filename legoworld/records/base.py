@@ -85,7 +85,7 @@ def decode(kind: type[_T], data: bytes | str) -> _T:
 def decode_foreign(kind: type[_T], data: bytes | str, *, levels: int) -> _T:
     """`decode` for what a stranger wrote: what the type ignores is held to JSON's rules, too.
 
-    levels: how deep lists and objects may be nested.
+    levels: how deep lists and objects may be nested. RecordError for deeper ones.
     """
     document = _decode(_ANYTHING, data)
     if _nested_beyond(levels, document):
@@ -123,7 +123,7 @@ def _decode(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
 
 
 def decode_lines(kind: type[_T], data: bytes, *, first: int = 1) -> list[_T]:
-    """JSON Lines as values of a type; the place of an error begins with its line.
+    """JSON Lines as values of a type; RecordError, its place begins with the line, for others.
 
     first: the number of the first line.
     """

@@ -62,7 +62,7 @@ def depth_view(views: Sequence[DepthView | None]) -> DepthDrawing | None:
 
 
 def encode_depth(z_m: F32, z0_m: float, step: float) -> str:
-    """Depths as uint16 codes, equal ratios apart; within half a step of the logarithm."""
+    """(H, W) depths as uint16 codes, equal ratios apart; to half a step of the logarithm."""
     codes = np.full(z_m.shape, NO_DEPTH, "<u2")
     known = np.isfinite(z_m) & (z_m > 0)
     if step > 0:
@@ -92,7 +92,7 @@ def depth_constant(row: ScoredDepthRow) -> float:
 
 
 class MendedDepth:
-    """The drawn pixels of a photo, aligned and scored again by depth's own rules."""
+    """The drawn pixels of a photo, (H, W, 1) metres, aligned and scored again by depth's rules."""
 
     def __init__(self, task: str, view: DepthView) -> None:
         self._size_wh, self._protocol = view.size_wh, depth_protocol(load_card(task))

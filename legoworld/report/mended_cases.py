@@ -46,7 +46,7 @@ def surface_losses(row: ReconstructionRow) -> list[Loss]:
 
 
 def picture_losses(row: ReconstructionRow, largest: Codes, label: Labels, delta: int) -> list[Loss]:
-    """What each object's pixels, and those around, cost the case's A. largest: of differences."""
+    """What each object's pixels, and those around, cost A. largest: (H, W); label: (h, w)."""
     if not row.valid:
         return []
     place = label[raster_indices(largest.shape, label.shape)]

@@ -52,7 +52,7 @@ def normals_drawing(views: Sequence[NormalsView | None]) -> NormalsDrawing | Non
 
 
 def encode_vectors(vectors: F32) -> str:
-    """Unit vectors as signed bytes, within half of 1 / 127; 0, 0, 0 where there is none."""
+    """(H, W, 3) unit vectors as signed bytes, within half of 1 / 127; 0, 0, 0 for none."""
     return _text(np.nan_to_num(np.rint(vectors * 127.0)).astype(np.int8))
 
 
@@ -72,7 +72,7 @@ def _errors_deg(predicted: F32, truth: F32) -> NDArray[np.float64]:
 
 
 class MendedNormals:
-    """The drawn pixels of a photo, measured again by the normals' own rules."""
+    """The drawn pixels of a photo, (H, W, 3), measured again by the normals' own rules."""
 
     def __init__(self, _task: str, view: NormalsView) -> None:
         self._size_wh = view.size_wh

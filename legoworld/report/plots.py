@@ -117,7 +117,7 @@ class DepthPixels:
     error: list[Floats] = field(default_factory=list)
 
     def add(self, truth_z_m: NDArray[np.float32], aligned_z_m: NDArray[np.float32]) -> None:
-        """One photo; pixels without a truth or without a prediction are left out."""
+        """One (H, W) photo; pixels without a truth or without a prediction are left out."""
         known = np.isfinite(truth_z_m) & np.isfinite(aligned_z_m) & (truth_z_m > 0)
         truth = truth_z_m[known].astype(np.float64)
         self.truth_z_m.append(truth)

@@ -57,7 +57,7 @@ def hit_picture(seen: SeenSurface) -> bytes:
 
 
 def error_picture(largest: Codes, delta: int) -> bytes:
-    """A's pixels by their largest channel difference, as WebP."""
+    """A's (H, W) pixels by their largest channel difference, as WebP."""
     steps = error_steps(delta)
     ends = [delta, *(high for high in _STEPS if high > delta)]
     return _encode_palette(

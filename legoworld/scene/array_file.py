@@ -31,7 +31,7 @@ _ALIGNMENT: Final = 64
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, passing: bool = False) -> None:
-    """Write arrays of numbers atomically; equal arrays give equal bytes.
+    """Write arrays of any shape atomically; equal arrays give equal bytes.
 
     passing: for the process that waits for it, which reads it once. It is written over what the
     file held before, whose memory the system then need not take away and give again, and without
@@ -63,7 +63,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, passing: boo
 
 
 def read_arrays(path: Path, *, passing: bool = False) -> dict[str, NDArray[Any]]:
-    """The arrays of a file, read-only. ValueError or OSError if the file is damaged.
+    """A file's arrays, shapes kept, read-only. ValueError or OSError if the file is damaged.
 
     passing: as it was written.
     """

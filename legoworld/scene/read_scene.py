@@ -52,8 +52,8 @@ def check_scene(
 ) -> tuple[SceneFolder, FrozenFiles]:
     """A scene's folder, and its files as they are now, held to frozen.json.
 
-    Raises as `find_scene` and `checked_artefacts` do; a folder that cannot be accessed is an error
-    of the scene.
+    Raises as `find_scene` and `checked_artefacts` do; SceneInvalidError for a folder that cannot be
+    accessed.
     """
     try:
         folder = find_scene(scenes, name)

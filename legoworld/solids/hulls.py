@@ -27,7 +27,7 @@ def hull_planes(container: Points) -> Points | None:
 
 
 def share_inside(points: Points, planes: Points) -> float:
-    """Share of points inside of a hull, the slack included."""
+    """Share of (n, 3) points inside of (F, 4) planes of a hull, the slack included."""
     outside = points @ planes[:, :3].T + planes[:, 3]
     return float((outside <= HULL_SLACK_M).all(axis=1).mean())
 
@@ -50,7 +50,7 @@ def facing_angles_deg(front: Points, ways: Points) -> Points:
 def step_deviation(centres: Sequence[Points]) -> float | None:
     """Largest distance of a step from the mean step, over the mean step's length.
 
-    None where all centres are one place.
+    centres: (3,) each. None where all of them are one place.
     """
     steps = np.diff(np.asarray(centres), axis=0)
     mean = steps.mean(axis=0)
@@ -59,6 +59,6 @@ def step_deviation(centres: Sequence[Points]) -> float | None:
 
 
 def scales(world_from_mesh: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Lengths of a placement's three axes, and the determinant of its 3 x 3 part."""
+    """(3,) lengths of the axes of a (3, 4) placement, and its determinant."""
     linear = world_from_mesh[:, :3]
     return np.sqrt((linear**2).sum(axis=0)), float(np.linalg.det(linear))

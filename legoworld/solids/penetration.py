@@ -128,12 +128,12 @@ def _contacts(first: Triangles, second: Triangles, most: int) -> list[float]:
 
 
 def triangle_soup(triangles: Triangles) -> Any:
-    """Triangles as FCL has them."""
+    """(n, 3, 3) triangles as FCL has them."""
     return collision_model(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
 
 
 def collision_model(points: Points, triangles: NDArray[np.int64]) -> Any:
-    """Points and the triangles between them as FCL has them."""
+    """(n, 3) points and the (m, 3) triangles between them as FCL has them."""
     import fcl
 
     model = fcl.BVHModel()

@@ -31,7 +31,8 @@ _PUBLIC_KEYS: Final = tuple(key for key in ImageInfo.__struct_fields__ if key no
 def annotation_source(task: str, path: Path) -> Source:
     """The public half of a COCO-style annotation file.
 
-    Its annotations, if any, get the same checks as in scoring: TruthInvalidError.
+    Its annotations, if any, get the same checks as in scoring: TruthInvalidError. UsageError for a
+    folder, CatalogError for another file.
     """
     if path.is_dir():
         raise UsageError(

@@ -36,7 +36,7 @@ def eth3d_source(
     scenes: the scenes to take, None for all present. dataset: the name of a dataset other than
     ETH3D; None if the folder has scenes with ETH3D's names. ETH3D images keep the ids of the
     shipped list; those of another dataset count from 1 in the order of their paths, over all
-    present scenes.
+    present scenes. CatalogError without a scene, UsageError for one that is not there.
     """
     there = scenes_below(folder)
     if not there:

@@ -20,7 +20,7 @@ from legoworld.tracks.source import Source
 
 
 def normals_source(task: str, folder: Path, options: Mapping[str, Any]) -> Source:
-    """The public half of a folder of normals: the photos that have an array of the same name."""
+    """The public half of a folder of normals named like the photos. UsageError without either."""
     photos = options.get("photos")
     if not folder.is_dir() or photos is None:
         raise UsageError(

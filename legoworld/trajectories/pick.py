@@ -67,7 +67,7 @@ class PickPlan:
 def pick(scenes: Path, output: Path, plan: PickPlan) -> list[Pick]:
     """Write each trial's chosen checkpoint as a frozen scene folder into `output`.
 
-    By regions: each photo's chosen run.
+    By regions: each photo's chosen run. UsageError for residuals without evidence.
     """
     if plan.by == "residuals" and plan.evidence is None:
         raise UsageError(

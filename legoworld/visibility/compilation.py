@@ -68,7 +68,8 @@ def compiler() -> list[str]:
 def compile_kernel(folder: Path, output: Path) -> list[str]:
     """Compiles the .cpp files of `folder` into `output`; returns the command that was run.
 
-    The library is written to a temporary file and moved, so a failed build leaves nothing behind.
+    The library is written to a temporary file and moved, so a failed build, CompilationError,
+    leaves nothing behind.
     """
     command = [*compiler(), *FLAGS, f'-DLEGOWORLD_SOURCE_HASH="{source_hash(folder)}"']
     command += ["-I", str(SHARED)]

@@ -51,7 +51,7 @@ def measure_cuboid(corners: Floats) -> tuple[Floats, Floats, list[float]]:
 
 
 def lines_px(corners: NDArray[Any], intrinsics: Sequence[Sequence[float]]) -> list[list[float]]:
-    """The edges of a box in a picture: x, y, x, y each; without those behind the camera.
+    """The edges of a box, (8, 3), in a picture: x, y, x, y each; without those behind the camera.
 
     intrinsics: rows of K in pixels, the centre of the first pixel at (0.5, 0.5).
     """

@@ -151,7 +151,7 @@ def prepare(
     depth_scale: float,
     threads: int | None,
 ) -> Call:
-    """Check the arguments of a call into the library and lay them out for it."""
+    """Check the arguments of a call into the library and lay them out for it. ShapeError."""
     check_surfaces(surfaces)
     _check_view(projection, size_wh, depth_scale)
     if threads is not None and threads < 1:
@@ -246,7 +246,7 @@ def _check_view(projection: Projection, size_wh: tuple[int, int], depth_scale: f
 
 
 def on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
-    """An array without initial values that begins on a cache line: rows can be written past it.
+    """(H, W) without initial values that begins on a cache line: rows can be written past it.
 
     The memory of a picture that is not used any more is used again: its pages are there already,
     and making them costs a third of a small picture.
@@ -266,7 +266,7 @@ def on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
 
 
 def level() -> int:
-    """Index of the instruction set to use: the CPU's best, or what LEVEL_VARIABLE allows."""
+    """Index of the CPU's best instruction set, or LEVEL_VARIABLE's. LegoWorldError: unknown."""
     wanted = os.environ.get(LEVEL_VARIABLE, "")
     best = _best_level()
     if not wanted:
@@ -285,7 +285,7 @@ def _best_level() -> int:
 
 
 def raise_for(status: int) -> None:
-    """Raises the error that a status of the library stands for; 0 is success."""
+    """LegoWorldError or ShapeError, as a status of the library says; 0 is success."""
     if status == 1:
         raise LegoWorldError(STATUS_MESSAGES[1], next_step="use a smaller picture or fewer workers")
     if status != 0:

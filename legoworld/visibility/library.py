@@ -118,7 +118,10 @@ def load_library(folder: Path) -> ctypes.CDLL:
 
 
 def open_library(folder: Path, what: str) -> ctypes.CDLL:
-    """The compiled library of a folder, what being its name in messages; see library()."""
+    """The compiled library of a folder; see library(). KernelBuildError: none, old, unusable.
+
+    what: its name in messages.
+    """
     path = folder / LIBRARY_NAME
     if not path.is_file():
         raise KernelBuildError(

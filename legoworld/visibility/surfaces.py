@@ -118,7 +118,7 @@ def check_surfaces(surfaces: Surfaces) -> None:
 
 
 def check_corner_normals(corner_normals: NDArray[np.float32], surfaces: Surfaces) -> None:
-    """Raises ShapeError unless there is a normal for each corner of each triangle."""
+    """ShapeError unless there is a normal for each corner of each triangle, (T, 3, 3)."""
     _array("corner_normals", corner_normals, np.float32, (len(surfaces.triangles), 3, 3))
 
 

@@ -92,7 +92,7 @@ def make_truth(z_m: NDArray[Any], warnings: tuple[str, ...] = ()) -> PixelTruth:
 
 
 def planar_metres(array: DepthArray, declared: Declaration, source: str) -> NDArray[Any]:
-    """Ground truth in any declared space as planar z in metres; it needs a unit.
+    """Ground truth in any declared space as (H, W) planar z in metres; it needs a unit.
 
     A disparity becomes z = focal * baseline / (d + doffs); z is inf where it is inf (Middlebury's
     "unknown") or d + doffs is not positive.

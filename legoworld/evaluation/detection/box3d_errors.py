@@ -65,7 +65,7 @@ def space_errors(corners: ArrayLike, true: ArrayLike) -> SpaceErrors:
 
 
 def difference_said(corners: Floats, true: Floats) -> str:
-    """One pair in words."""
+    """One pair of (8, 3) corners in words."""
     errors = box_errors(corners[None], true[None])
     words = (("left", "right"), ("up", "down"), ("nearer", "farther"))
     offset = zip(errors.offset_m[0].tolist(), words, strict=True)

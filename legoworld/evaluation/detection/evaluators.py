@@ -56,7 +56,10 @@ class OfficialScores:
 def run_evaluator(
     truth: Truth, predictions: Predictions, protocol: DetectionProtocol, kind: EvaluatorKind
 ) -> OfficialScores:
-    """Score predictions over the images of the ground truth, which are the track's."""
+    """Score predictions over the images of the ground truth, which are the track's.
+
+    UsageError for hotcoco with boxes in space.
+    """
     with _PRINTING:
         if protocol.iou_type == "bbox3D":
             if kind == "fast":

@@ -43,7 +43,7 @@ def library() -> ctypes.CDLL:
 
 
 def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
-    """Where an array's values lie, one after the other."""
+    """Where the values of an array of any shape lie, one after the other."""
     assert array.flags.c_contiguous
     return ctypes.c_void_p(array.ctypes.data)
 

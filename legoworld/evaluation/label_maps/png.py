@@ -43,7 +43,7 @@ def read_values(path: Path, error: type[LegoWorldError]) -> NDArray[np.uint8]:
 def check_size(
     path: Path, pixels: NDArray[Any], size_hw: tuple[int, ...], error: type[LegoWorldError]
 ) -> None:
-    """The error for a PNG of another size than it must have."""
+    """The error for (h, w) pixels of a PNG of another size than it must have."""
     if pixels.shape != size_hw:
         raise error(
             f"{path.name} has another size than its image",
@@ -90,7 +90,7 @@ def shrink_map(pixels: NDArray[Any]) -> NDArray[Any]:
 def label_map_view(
     size_hw: tuple[int, ...], *, truth: Rgb, answer: Rgb, agreement: Rgb
 ) -> LabelMapView:
-    """The view of three pictures. size_hw: of the image."""
+    """The view of three (h, w, 3) uint8 pictures, small or whole. size_hw: of the image."""
     height, width = size_hw
     return LabelMapView(
         size_wh=(width, height), truth=_png(truth), answer=_png(answer), agreement=_png(agreement)

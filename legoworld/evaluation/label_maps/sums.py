@@ -63,18 +63,18 @@ def _only(row: LabelMapRow, number: int) -> LabelMapRow:
 
 
 def average_defined(values: F64, defined: NDArray[np.bool_]) -> F64:
-    """The mean over the last axis of what is defined, added in order; NaN of nothing."""
+    """The mean over the last axis (..., K) of what is defined, added in order; NaN of nothing."""
     kept = np.where(defined, values, 0.0)
     return ratio(in_order(kept), defined.sum(axis=-1))
 
 
 def in_order(values: F64) -> F64:
-    """The sum over the last axis, added from first to last; 0 of nothing."""
+    """(...) sums over the last axis of (..., K), added from first to last; 0 of nothing."""
     total: F64 = np.add.accumulate(values, axis=-1)[..., -1:].sum(axis=-1)
     return total
 
 
 def ratio(part: F64, whole: F64) -> F64:
-    """part / whole, NaN where whole is 0."""
+    """part / whole of one shape, NaN where whole is 0."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(whole != 0, part / np.where(whole != 0, whole, 1.0), np.nan)

@@ -67,13 +67,13 @@ def sum_errors(errors_deg: F64) -> AngularErrors:
 
 
 def bin_errors(errors_deg: F64) -> NDArray[np.int64]:
-    """Errors rounded to hundredths of a degree."""
+    """(n,) errors rounded to hundredths of a degree."""
     bins: NDArray[np.int64] = np.rint(errors_deg * PER_DEGREE).astype(np.int64)
     return bins
 
 
 def image_metrics(errors_deg: F64, sums: AngularErrors, holes: int) -> Metrics:
-    """Every metric under every policy for which it is defined; the median is exact."""
+    """Every metric under every policy that defines it; the median is exact. errors_deg: (n,)."""
     medians = {EXCLUDE: float(np.median(errors_deg))}
     filled = np.concatenate([errors_deg, np.full(holes, HOLE_DEG)]) if holes else errors_deg
     medians[ERROR_90] = float(np.median(filled)) if holes else medians[EXCLUDE]

@@ -65,7 +65,7 @@ def measure_segments(item: MapItem) -> Measured:
 def check_answer(
     ids: NDArray[Any], segments: Sequence[AnySegment], category_ids: Sequence[int], name: str
 ) -> Ids:
-    """`places` of an answer that the official script would take. MapInvalidError for another."""
+    """`places`, (H, W), of an answer that the official script takes, else MapInvalidError."""
     place = places(ids, segments, name, MapInvalidError)
     seen = np.bincount(place.ravel(), minlength=len(segments) + 1)[1:]
     ordered = sorted(segments, key=lambda segment: segment.id)
@@ -85,7 +85,7 @@ def check_answer(
 def places(
     ids: NDArray[Any], segments: Sequence[AnySegment], name: str, error: type[LegoWorldError]
 ) -> Ids:
-    """1 + the place of each pixel's id among the sorted ids of segments, 0 for VOID.
+    """(H, W): 1 + the place of each pixel's id among the sorted ids of segments, 0 for VOID.
 
     The error for an id of the PNG that no segment has.
     """
@@ -115,6 +115,7 @@ def count_segments(
     A match: one category, IoU above 1/2, the union without the answer's pixels on VOID; a crowd
     never matches. An unmatched answer with more than half of its pixels on VOID and the crowd of
     its category does not count; of several crowds of a category the one listed last is that crowd.
+    Places: (H, W).
     """
     truths = sorted(true_segments, key=lambda segment: segment.id)
     answers = sorted(segments, key=lambda segment: segment.id)
@@ -198,7 +199,7 @@ def panoptic_values(sums: F64, things: NDArray[np.bool_]) -> dict[str, F64]:
 
 
 def category_values(sums: F64) -> dict[str, F64]:
-    """PQ, SQ and RQ of each category, as panopticapi computes them."""
+    """PQ, SQ and RQ of each category, (..., K) from (..., K, 4), as panopticapi computes them."""
     iou, tp, fp, fn = (sums[..., k] for k in range(4))
     weight = tp + 0.5 * fp + 0.5 * fn
     squares = np.where(tp > 0, ratio(iou, tp), 0.0)

@@ -42,7 +42,7 @@ _EDGE_PX: Final = 1e-6
 
 
 def sampler(prediction: PixelArray, truth_wh: tuple[int, int], warp: Warp | None = None) -> Sample:
-    """A function that reads a prediction at the ground truth's pixels.
+    """A function that reads a prediction at (n,) rows and columns of the ground truth.
 
     The prediction has the truth's aspect and at most its size, as `size_check` holds it to. warp:
     None reads at the same image position.

@@ -28,7 +28,7 @@ def shown_pixels(truth: NDArray[Any], valid: Callable[[NDArray[Any]], Mask]) -> 
     """The pixels that stand for an image in at most 256 blocks per side.
 
     A block shows its first pixel, in row order, with valid truth, else its middle pixel; ground
-    truth and prediction are always from the same pixel.
+    truth and prediction are always from the same pixel. truth: (H, W) or (H, W, 3).
     """
     height, width = truth.shape[:2]
     shrink = max(1.0, max(width, height) / LONGEST_SIDE)

@@ -44,13 +44,13 @@ class Photo:
 
 
 def mssd(model: Model, pose: Floats, true: Floats) -> float:
-    """The largest distance of a vertex from its true place, for the best symmetry."""
+    """The largest distance of a vertex of a (3, 4) pose from its true place, by best symmetry."""
     mine = transform_points(pose, model.vertices.astype(np.float64))
     return min(_farthest(mine, theirs) for theirs in _alike(model, true))
 
 
 def mspd(model: Model, pose: Floats, true: Floats, photo: Photo) -> float:
-    """The same in the picture, in pixels."""
+    """The same in the picture, in pixels; poses (3, 4)."""
     mine = _projected(transform_points(pose, model.vertices.astype(np.float64)), photo.intrinsics)
     alike = _alike(model, true)
     return min(_farthest(mine, _projected(theirs, photo.intrinsics)) for theirs in alike)
@@ -59,7 +59,7 @@ def mspd(model: Model, pose: Floats, true: Floats, photo: Photo) -> float:
 def vsd(
     model: Model, pose: Floats, true: Floats, photo: Photo, taus: Sequence[float]
 ) -> list[float]:
-    """Visible surface discrepancy for each tolerance, over the diameter."""
+    """Visible surface discrepancy of two (3, 4) poses for each tolerance, over the diameter."""
     measured = _distances(photo.depth_mm, photo.intrinsics)
     mine, theirs = (
         _distances(drawn_depth(model, p, photo), photo.intrinsics) for p in (pose, true)
@@ -99,7 +99,7 @@ def drawn_depth(model: Model, pose: Floats, photo: Photo) -> Floats:
 
 
 def visible_to_bop(photo: Photo, drawn: Floats) -> NDArray[np.bool_]:
-    """The pixels of a drawn model that lie at most 15 mm behind what was measured."""
+    """(H, W) pixels of a drawn depth (mm) at most 15 mm behind what was measured."""
     k = photo.intrinsics
     return visible_bop19(_distances(photo.depth_mm, k), _distances(drawn, k))
 

@@ -59,7 +59,7 @@ class BopFolder:
     split: str = "test"
 
     def images(self) -> list[tuple[int, int]]:
-        """Scene and image ids, ascending."""
+        """Scene and image ids, ascending. PoseInputError if there is no scene."""
         scenes = sorted(p for p in (self.folder / self.split).glob("[0-9]*") if p.is_dir())
         if not scenes:
             raise PoseInputError(
@@ -74,7 +74,7 @@ class BopFolder:
         ]
 
     def photo(self, scene_id: int, im_id: int) -> Photo:
-        """Camera and depth of an image."""
+        """Camera and depth of an image. PoseInputError for a depth that cannot be read."""
         scene = self._scene(scene_id)
         camera = _of_image(scene / "scene_camera.json", im_id)
         path = scene / "depth" / f"{im_id:06}.png"
@@ -100,7 +100,7 @@ class BopFolder:
         ]
 
     def model(self, obj_id: int) -> Model:
-        """A model with its symmetries."""
+        """A model with its symmetries. PoseInputError for an unknown object."""
         info = self._models_info.get(str(obj_id))
         if info is None:
             raise PoseInputError(f"models_info.json has no object {obj_id}")
@@ -146,7 +146,7 @@ def read_results(path: Path) -> Iterator[Estimate]:
 
 
 def read_ply(path: Path) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Vertices and triangles of a PLY, as text or little-endian."""
+    """(V, 3) vertices and (F, 3) triangles of a PLY, text or little-endian. PoseInputError."""
     try:
         head, _, body = path.read_bytes().partition(b"end_header\n")
         lines = [line.split() for line in head.decode("ascii").splitlines()]

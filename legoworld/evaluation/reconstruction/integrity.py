@@ -63,7 +63,7 @@ def scene_flags(
 
 
 def correlation(a: Picture, b: Picture) -> float:
-    """Pearson's r of two pictures of one size over pixels and channels, mirrored or not.
+    """Pearson's r of two (H, W, 3) pictures of one size over all numbers, mirrored or not.
 
     A mirrored picture on a wall is as much a picture: the largest over both directions. 0 where
     one of them is flat.
@@ -86,7 +86,7 @@ def scale_flags(
     reference: Picture,
     scales: Sequence[tuple[tuple[int, int], float]],
 ) -> Iterator[Flag]:
-    """Images that are the reference or its negative, in whatever detail: |r| at several sizes."""
+    """Images (n, h, w, 3) that are the reference or its negative in some detail: |r| at sizes."""
     for image in facts.images:
         if image.thumbnail is None or image.thumbnail >= len(thumbnails):
             continue

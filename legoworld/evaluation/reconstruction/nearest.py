@@ -172,7 +172,7 @@ def nearest_both_ways(
     tolerances: Sequence[Tolerance] = (),
     lanes: int = WIDEST,
 ) -> tuple[Nearest, Nearest]:
-    """`nearest_between` two depths on one raster whose pixels have one label."""
+    """`nearest_between` two (H, W) depths on one raster whose pixels have one label."""
     a, b = (
         GridSurface(depth_z_m=depth, label=label, raster=raster)
         for depth in (a_depth_z_m, b_depth_z_m)

@@ -18,7 +18,7 @@ _FOLDER: Final = "references"
 
 
 def resized_reference(data: bytes, sha256: str, size_wh: tuple[int, int]) -> Picture:
-    """A reference picture at A's size: from the cache by content, size and Pillow's version.
+    """A reference (H, W, 3) at A's size: from the cache by content, size and Pillow's version.
 
     data: the file's bytes, sha256: theirs. A damaged entry is made again; an unwritable cache
     costs time alone. PictureError where the bytes are no picture.

@@ -44,7 +44,7 @@ def picture_raster(size_wh: tuple[int, int], hfov_deg: float, raster_wh: tuple[i
 
 
 def finite_points(depth_z_m: NDArray[Any], limit_m: float = math.inf) -> Flags:
-    """Where a depth is a point: finite, above 0 and below the limit."""
+    """Where a depth, of any shape, is a point: finite, above 0 and below the limit."""
     with np.errstate(invalid="ignore"):
         finite: Flags = np.isfinite(depth_z_m) & (depth_z_m > 0) & (depth_z_m < limit_m)
     return finite

@@ -106,7 +106,7 @@ def load_surface(folder: Path, file: SurfaceFile, raster: Raster) -> Surface:
 
 
 def load_arrays(folder: Path, file: WrittenFile) -> dict[str, NDArray[Any]]:
-    """The arrays of a file that the run wrote. SubmissionFileError."""
+    """The arrays, of any shape, of a file that the run wrote. SubmissionFileError."""
     try:
         return npz_arrays(io.BytesIO(_bytes(folder, file)), str(file.file))
     except DepthFileError as error:
@@ -116,7 +116,7 @@ def load_arrays(folder: Path, file: WrittenFile) -> dict[str, NDArray[Any]]:
 
 
 def load_render(folder: Path, file: RenderFile) -> Picture:
-    """The evaluator's render of one submission. SubmissionFileError."""
+    """The evaluator's (H, W, 3) render of one submission. SubmissionFileError."""
     data = _bytes(folder, file)
     try:
         picture = decode_picture(data)

@@ -16,5 +16,5 @@ class Tolerance:
     absolute_m: float = 0.0
 
     def tau_m(self, z_m: F64) -> F64:
-        """The tolerance at reference points of these depths."""
+        """The tolerance at reference points of these depths, in their shape."""
         return self.relative * z_m + self.absolute_m

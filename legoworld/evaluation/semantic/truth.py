@@ -90,7 +90,7 @@ def painted_instances(
 
     Categories are matched by name or synonym; the smaller mask lies on top. A crowd lies below all
     instances: of a matched category it is of that class, of another one it is not scored. Instances
-    of other categories are background.
+    of other categories are background. MapTruthError for a vocabulary without a background.
     """
     background = vocabulary.match(BACKGROUND)
     if background is None:
@@ -127,7 +127,7 @@ def painted_instances(
 def load_classes(
     truth: TrueClasses, ignore: Sequence[int], category_ids: Sequence[int]
 ) -> NDArray[Any]:
-    """(H, W) uint8 category ids of one image, `NO_CLASS` where nothing is scored."""
+    """(H, W) uint8 category ids, `NO_CLASS` where nothing is scored. MapTruthError for others."""
     if isinstance(truth, Painted):
         values = np.full(truth.size_wh[::-1], truth.background, np.uint8)
         for number, mask in truth.masks:

@@ -87,7 +87,7 @@ def get_scene_info() -> dict[str, Any]:
 
 
 def get_object_info(name: str) -> dict[str, Any]:
-    """One object: its transform, mesh, materials and bounds."""
+    """One object: its transform, mesh, materials and bounds. ValueError for an unknown name."""
     thing = bpy.data.objects.get(name)
     if thing is None:
         raise ValueError(f"Object not found: {name}")

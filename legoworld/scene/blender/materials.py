@@ -121,7 +121,7 @@ def image_value(image: bpy.types.Image, source: ImageSource) -> NDArray[np.float
 def bake_alpha(value: NDArray[np.float32], rule: ImageAlpha) -> NDArray[np.uint8]:
     """An image value turned into the alpha that `ALPHA_THRESHOLD` cuts where the rule does.
 
-    The change is linear around the cut, so that it commutes with linear interpolation.
+    Both (H, W). The change is linear around the cut, so that it commutes with linear interpolation.
     """
     gain = 0.5 / max(rule.cut, 1.0 - rule.cut)
     exact = value.astype(np.float64)
@@ -140,7 +140,7 @@ def alpha_rule(alpha: Value) -> AlphaRule:
 
 
 def one_sided_rule(alpha: float | Curve) -> OneSided:
-    """`alpha_rule` of a value that is the same on both sides."""
+    """`alpha_rule` of a value that is the same on both sides. UnreadableAlphaError."""
     if isinstance(alpha, float):
         return "there" if alpha >= ALPHA_THRESHOLD else "gone"
     if not isinstance(alpha.source, ImageSource):

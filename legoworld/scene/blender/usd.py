@@ -35,7 +35,8 @@ def import_usd(
 ) -> None:
     """Save a USD file as a .blend. properties: those of a category and of an instance.
 
-    Objects of one instance are put into a collection that has its category.
+    Objects of one instance are put into a collection that has its category. SceneInvalidError for a
+    file Blender cannot import.
     """
     category, instance = properties
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

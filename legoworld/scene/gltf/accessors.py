@@ -161,7 +161,7 @@ class Accessors:
 
 
 def as_float32(stored: StoredValues) -> NDArray[np.float32]:
-    """Values as float32; normalised integers by the specification's table in 3.11.
+    """(count, components) float32; normalised integers by the specification's table in 3.11.
 
     float32 values are returned as they are stored, without a copy.
     """

@@ -32,7 +32,7 @@ class CutSurfaces:
         self._materials = document.children("materials")
 
     def cut(self, primitive: Primitive) -> Left | None:
-        """The visible part of a primitive; None if nothing is visible."""
+        """The visible part of a primitive, (T, 3) and its cut; None if nothing is visible."""
         number = primitive.fields.index("material", len(self._materials))
         if number < 0:
             return primitive.triangles, None

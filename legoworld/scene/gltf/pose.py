@@ -30,7 +30,7 @@ def apply_morphs(
     weights: tuple[float, ...],
     accessors: Accessors,
 ) -> NDArray[np.float32]:
-    """An attribute, such as "POSITION", plus the weighted changes of the morph targets with any."""
+    """A (V, n) attribute ("POSITION") plus the weighted changes of the morph targets with any."""
     targets = primitive.children("targets")
     if len(weights) > len(targets):
         raise unreadable(f"{primitive.place} has {len(targets)} targets for {len(weights)} weights")

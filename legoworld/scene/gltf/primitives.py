@@ -162,7 +162,7 @@ def _draco_ids(fields: Fields) -> dict[str, int]:
 
 
 def refuse_non_finite(positions: NDArray[np.float32], mesh_name: str) -> None:
-    """Raises NonFiniteGeometryError where a position holds NaN or infinity."""
+    """NonFiniteGeometryError where one of (V, 3) positions is NaN or infinite."""
     # A finite sum has finite terms; only an infinite or NaN one needs the second look.
     with np.errstate(all="ignore"):
         if np.isfinite(positions.sum()):

@@ -28,7 +28,7 @@ _INT32: Final = 2**31 - 1
 def read_glb_snapshot(
     glb: Glb, folder: Path, *, any_camera: bool = False, corner_normals: bool = False
 ) -> Snapshot:
-    """Read the default scene of a .glb. Raises the SceneInvalidErrors of `errors`.
+    """Read the default scene of a .glb. SceneInvalidError, NoMeshError among them.
 
     any_camera: give a scene without a camera one of Blender's default settings.
 

@@ -19,7 +19,7 @@ _FINEST: Final = 16
 
 
 def ribbons(strands: Strands, eye: Eye, per_segment: int) -> Triangulated:
-    """The mesh of all strands, in their frame.
+    """The mesh of all strands, (V, 3) and (T, 3), in their frame.
 
     per_segment: the quads Embree divides a strand into between two keys
     (RTC_GEOMETRY_TYPE_FLAT_CATMULL_ROM_CURVE). It turns each quad towards the ray that hits it;
@@ -37,7 +37,7 @@ def ribbons(strands: Strands, eye: Eye, per_segment: int) -> Triangulated:
 
 
 def join_meshes(parts: list[Triangulated]) -> Triangulated:
-    """Several meshes as one."""
+    """Several meshes, (V, 3) and (T, 3) each, as one."""
     first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     return (
         np.concatenate([vertices for vertices, _ in parts] or [np.empty((0, 3), np.float32)]),
@@ -104,7 +104,7 @@ def quads(
     next_left: NDArray[np.int64],
     next_right: NDArray[np.int64],
 ) -> NDArray[np.int32]:
-    """(2 N, 3) int32 triangles of N quads, divided as Embree divides a ribbon's."""
+    """(2 N, 3) int32 triangles of N quads, (N,) corners, divided as Embree divides a ribbon's."""
     one = np.stack([left, next_left, right], axis=-1)
     other = np.stack([next_right, right, next_left], axis=-1)
     return np.stack([one, other], axis=-2).reshape(-1, 3).astype(np.int32)

@@ -19,7 +19,7 @@ _MOST_LEVELS: Final = 6
 
 @cache
 def sphere(level: int) -> Triangulated:
-    """An icosphere around the origin: its corners as far outside radius 1 as its faces inside."""
+    """(V, 3), (T, 3) of an icosphere: its corners as far outside radius 1 as its faces inside."""
     vertices, triangles = _subdivide(level)
     corners = vertices[triangles]
     normals = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))

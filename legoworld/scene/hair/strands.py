@@ -51,7 +51,7 @@ class Strands:
 def usable(
     points: NDArray[np.float64], radius: NDArray[np.float64], start: NDArray[np.int64]
 ) -> Strands:
-    """The drawable strands: those with more than one key."""
+    """The strands with more than one key, which are drawn. Arrays: (K, 3), (K,), (C + 1,)."""
     count = np.diff(start)
     keep = count >= 2
     keys = np.repeat(keep, count)

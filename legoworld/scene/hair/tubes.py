@@ -19,7 +19,7 @@ _MOST_STEPS: Final = 16
 
 
 def round_tubes(strands: Strands, eye: Eye) -> Triangulated:
-    """Discs swept along the spline, perpendicular to it; open at both ends."""
+    """(V, 3), (T, 3): discs swept along the spline, perpendicular to it; open at both ends."""
     sides, steps = _sides(strands, eye), _steps(strands, eye)
     parts = []
     for part in strands.parts():
@@ -31,7 +31,7 @@ def round_tubes(strands: Strands, eye: Eye) -> Triangulated:
 
 
 def linear_tubes(strands: Strands, eye: Eye) -> Triangulated:
-    """Cones between the keys that touch a sphere around each key, and the spheres."""
+    """(V, 3), (T, 3): cones between the keys, touching a sphere around each key, and those."""
     sides = _sides(strands, eye)
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
     ball = sphere(int(sphere_levels(np.array([share]))[0]))

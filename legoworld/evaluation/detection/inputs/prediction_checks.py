@@ -66,7 +66,7 @@ def _keys(entry: Mapping[str, Json]) -> str:
 def check_ids(
     image_id: Ints, category_id: Ints, status: Mapping[int, str], vocabulary: Vocabulary
 ) -> None:
-    """Raise PredictionsInvalidError for ids unknown to the run or the vocabulary."""
+    """PredictionsInvalidError for (n,) ids unknown to the run or the vocabulary."""
     images = np.unique(image_id).tolist()
     unknown = [i for i in images if i not in status]
     _refuse(
@@ -97,7 +97,7 @@ def check_ids(
 
 
 def check_scores(score: NDArray[Any]) -> None:
-    """PredictionsInvalidError for a score that is no finite number."""
+    """PredictionsInvalidError if one of (n,) scores is not a finite number."""
     values = score.tolist()
     if finite_floats(values) is not None:
         return

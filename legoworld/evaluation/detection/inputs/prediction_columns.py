@@ -277,6 +277,6 @@ class _Heads:
 
 
 def score_column(scores: Sequence[Number]) -> NDArray[Any]:
-    """Scores as a column that preserves each value, integers as integers."""
+    """Scores as an (n,) column that preserves each value, integers as integers."""
     floats = set(map(type, scores)) <= {float}
     return np.array(scores, np.float64 if floats else object)

@@ -14,7 +14,7 @@ from legoworld.records.run_file import Configuration
 
 
 def rank_in_group(sorted_groups: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Position in its run of equal values, from 0."""
+    """(n,) position in its run of equal values, from 0."""
     if not len(sorted_groups):
         return np.empty(0, np.int64)
     starts = np.flatnonzero(np.diff(sorted_groups, prepend=sorted_groups[0] - 1))
@@ -28,7 +28,7 @@ def without_empty(
     """The entries that have a pixel, and that lvis keeps beside those that have none.
 
     lvis counts masks without a pixel among an image's first `cap` and drops them afterwards: what
-    they push over the cap is dropped here, because evaluation no longer sees them.
+    they push over the cap is dropped here, because evaluation no longer sees them. empty: (n,).
     """
     kept = ~empty
     if cap is not None:

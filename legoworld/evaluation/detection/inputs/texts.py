@@ -30,7 +30,7 @@ class Texts(Sequence[str]):
         self._start = start
 
     def take(self, places: NDArray[np.int64]) -> Texts:
-        """The texts at these positions, in their order."""
+        """The texts at these (n,) positions, in their order."""
         taken = TextBuilder()
         for some in np.array_split(places, len(places) // _BLOCK + 1):
             ends = zip(self._start[some].tolist(), self._start[some + 1].tolist(), strict=True)
@@ -38,7 +38,7 @@ class Texts(Sequence[str]):
         return taken.texts()
 
     def piece(self, first: int, end: int) -> tuple[bytes, NDArray[np.int64]]:
-        """The UTF-8 of the texts from one place to another, and where each starts in it."""
+        """The UTF-8 of n texts from one place to another, and where each starts in it, (n + 1,)."""
         start = self._start[first : end + 1]
         return self._data[start[0] : start[-1]], start - start[0]
 

@@ -64,7 +64,7 @@ class Chunks(Sequence[Chunk]):
 
     @property
     def starts(self) -> tuple[Ints, Ints]:
-        """Positions of each chunk's first detection and first truth in the problem's columns."""
+        """(n_chunks,) places of each chunk's first detection and truth in the problem's columns."""
         first = self._edges[:-1]
         return self._first_detection[first], self._first_truth[first]
 

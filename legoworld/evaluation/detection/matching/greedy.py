@@ -55,7 +55,7 @@ class MatchTable:
 
 
 def match_table(problem: Problem, state: NDArray[np.uint8]) -> MatchTable:
-    """The table of a whole state; unverified detections take no part."""
+    """The table of a whole state, (A, T, D); unverified detections take no part."""
     detections, truths = problem.detections, problem.truths
     order = np.lexsort((detections.rank, detections.image, -detections.score, detections.category))
     order = order[detections.verified[order]]

@@ -40,7 +40,7 @@ def match_chunk(chunk: Chunk) -> Matches:
 
 
 def match_chunk_by_score(chunk: Chunk) -> NDArray[np.uint8]:
-    """Only the state, which another ranking of the same predictions changes."""
+    """The (A, T, D) state alone, which another ranking of the same predictions changes."""
     return match_chunk_states(chunk, chunk.payload.overlaps(chunk))
 
 
@@ -60,7 +60,7 @@ def match_and_pair(
 def match_states(
     problem: Problem, truth: Truth, predictions: Predictions, pool: WorkerPool = IN_PROCESS
 ) -> NDArray[np.uint8]:
-    """Match every image of a problem, without the score-free pairs."""
+    """The (A, T, D) state of every image of a problem, without the score-free pairs."""
     chunks = Chunks(problem, truth, predictions)
     pool = pool.for_work(worth_a_process=chunks.many)
     return np.concatenate(list(map_items(match_chunk_by_score, chunks, pool)), axis=2)

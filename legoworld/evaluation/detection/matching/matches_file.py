@@ -33,7 +33,10 @@ _TABLE: Final = (
 
 
 def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
-    """Everything matches.npz holds. Positions point into image_ids and category_ids."""
+    """Everything matches.npz holds, shapes as in `MatchTable` and `MatchedCounts`.
+
+    Positions point into image_ids and category_ids.
+    """
     grid = score.problem.protocol.grid
     arrays: dict[str, NDArray[Any]] = {
         "image_ids": score.table.image_ids,
@@ -51,7 +54,7 @@ def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[A
 
 
 def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
-    """The match table of a policy; the equal one is the own one where that was equal already."""
+    """A policy's table, shapes as packed; the equal one is the own where that was equal already."""
     prefix = policy if policy + "state" in arrays else OWN
     return MatchTable(
         image_ids=arrays["image_ids"],
@@ -61,6 +64,6 @@ def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
 
 
 def counts_from(arrays: Arrays, *, class_aware: bool) -> MatchedCounts:
-    """The sums of the score-free numbers."""
+    """The sums of the score-free numbers from arrays of `pack_matches`' shapes."""
     prefix = "aware_" if class_aware else "agnostic_"
     return MatchedCounts(**{name: arrays[prefix + name] for name in _COUNTS})
