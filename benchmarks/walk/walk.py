@@ -110,7 +110,7 @@ def one_image(scene: Path, folder: Path) -> dict[str, Walk]:
 
 
 def evaluation_and_comparison(folder: Path) -> dict[str, Walk]:
-    """The walks of evaluating the shipped examples' boxes, and comparing them with the same, imported."""
+    """The walks of evaluating the shipped examples' boxes, and of comparing them with the same."""
     data = PACKAGE.parent / "datasets" / "skimage_examples"
     results = str(folder / "run" / "predictions.json")
     track = ["--task", "coco", "--track", str(data / "track_coco.json")]
