@@ -56,7 +56,6 @@ def command(
     \b
     Examples:
       legoworld report evals/coco --photos photos -o report.html
-      legoworld report evals --photos photos -o report.html
       legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
       legoworld report evals/coco --photos photos --photo a.jpg -o a.html
       legoworld report evals/agent-1 evals/agent-2 -o bench.html
