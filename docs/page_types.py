@@ -49,6 +49,7 @@ interface PageData {
   kinds: string[];
   beside: { folder: string; pictures: boolean; scenes: boolean };
   version: string;
+  alone: boolean;
   trajectories: string;
 }
 

@@ -106,7 +106,7 @@ MOST_LINES = {
     "plugin": 6850,
     "readouts": 3200,
     "records": 8150,
-    "report": 6550,
+    "report": 6680,
     "running": 2800,
     "scene": 12350,
     "solids": 550,
@@ -114,7 +114,7 @@ MOST_LINES = {
     "track_making": 1050,
     "tracks": 850,
     "trajectories": 2350,
-    "viewing": 600,
+    "viewing": 620,
     "visibility": 2250,
     "workers": 2350,
 }

@@ -97,6 +97,8 @@ def judges_command(
     from legoworld.api.bench import bench_judges
     from legoworld.records.base import as_json as plain
 
+    if trajectories is None:
+        options.refuse_given(["seed"], "is for --trajectories: it chooses their pairs")
     agreement = bench_judges(
         judgements,
         evaluations,

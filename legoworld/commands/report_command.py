@@ -26,6 +26,13 @@ from legoworld.pluralize import plural, share, word_for
     EXISTING_FOLDER,
     multiple=True,
 )
+@option(
+    "--photo",
+    "Only this photo: one small file that links nowhere, with no other photo's numbers.",
+    click.STRING,
+    metavar="NAME",
+    required=False,
+)
 @option("--trials", "Page of `trajectory report` to link to.", FILE, required=False)
 @option("--output", "HTML file to write.", FILE)
 @options.printing
@@ -33,6 +40,7 @@ def command(
     folders: tuple[Path, ...],
     photos: Path | None,
     scene_folders: tuple[Path, ...],
+    photo: str | None,
     trials: Path | None,
     output: Path,
     out: Output,
@@ -48,13 +56,15 @@ def command(
     \b
     Examples:
       legoworld report evals/coco --photos photos -o report.html
-      legoworld report evals --photos photos -o report.html
       legoworld report comparisons/coco --photos photos --scenes scenes -o report.html
+      legoworld report evals/coco --photos photos --photo a.jpg -o a.html
       legoworld report evals/agent-1 evals/agent-2 -o bench.html
     """
     from legoworld.api.report_page import write_report
 
-    page = write_report(folders, output, photos=photos, scene_folders=scene_folders, trials=trials)
+    page = write_report(
+        folders, output, photos=photos, scene_folders=scene_folders, trials=trials, photo=photo
+    )
     if missing := page.views_without_photo:
         views = share(missing, page.views, "view", "views")
         out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +18,21 @@ from legoworld.records.evaluation_summary import Interval
 from legoworld.records.evidence import ComparisonSettings
 
 F64 = NDArray[np.float64]
+Differences = dict[tuple[int, int], tuple[float, Interval | None]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RankedSides:
     """Sides by one metric over all attempted images. unit: what the draws draw.
 
-    values: (sides,), NaN where undefined; differences[i][j]: i minus j with its interval, None for
-    i = j.
+    values: (sides,), NaN where undefined; differences: of every two, in both orders.
     """
 
     metric: Metric
     unit: str
     values: F64
     ranks: tuple[Rank, ...]
-    differences: tuple[tuple[tuple[float, Interval | None] | None, ...], ...]
+    differences: Differences
 
 
 def rank_sides(
@@ -56,21 +57,33 @@ def rank_sides(
     drawn = np.array([s for s in samples if s is not None])
     sign = 1.0 if metric.better == "higher" else -1.0
     whole = len(drawn) == len(found)
-
-    def difference(i: int, j: int) -> tuple[float, Interval | None] | None:
-        if i == j:
-            return None
-        value = float(values[i] - values[j])
-        return value, rule.interval(drawn[i] - drawn[j], value, least=-1.0) if whole else None
-
-    places = range(len(found))
     return RankedSides(
         metric=metric,
         unit=unit,
         values=values,
         ranks=tuple(rank_systems(sign * values, sign * drawn if whole else None)),
-        differences=tuple(tuple(difference(i, j) for j in places) for i in places),
+        differences=paired_differences(
+            permutations(range(len(found)), 2),
+            values,
+            drawn if whole else None,
+            lambda samples, value: rule.interval(samples, value, least=-1.0),
+        ),
     )
+
+
+def paired_differences(
+    pairs: Iterable[tuple[int, int]],
+    values: F64,
+    resampled: F64 | None,
+    interval: Callable[[F64, float], Interval | None],
+) -> Differences:
+    """The first minus the second of each pair, with the interval of its draws."""
+    found: Differences = {}
+    for i, j in pairs:
+        value = float(values[i] - values[j])
+        drawn = None if resampled is None else resampled[i] - resampled[j]
+        found[i, j] = value, None if drawn is None else interval(drawn, value)
+    return found
 
 
 def rank_systems(values: F64, resampled: F64 | None) -> Iterator[Rank]:

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.comparison.provenance import recorded_provenance
-from legoworld.comparison.ranks import rank_systems
+from legoworld.comparison.ranks import paired_differences, rank_systems
 from legoworld.evaluation.bootstrap import interval
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.points import F64
@@ -59,20 +59,19 @@ def with_standings(board: Leaderboard, sides: Sequence[StoredEvaluation]) -> Lea
 
     values = np.array([row.groups[0].metrics[metric].mean for row in board.rows], np.float64)
     resampled = np.array([samples(row) for row in board.rows]) if len(drawn.column) > 1 else None
+    pairs = paired_differences(
+        combinations(range(len(values)), 2),
+        values,
+        resampled,
+        lambda drawn, _: interval(drawn, unit="family"),
+    )
     costs = [_cost([u for name in row.evaluations for u in used[name]]) for row in board.rows]
     standings = Standings(
         metric=metric,
         ranks=tuple(rank_systems(values, resampled)),
         pairs=tuple(
-            PairedDifference(
-                first=i,
-                second=j,
-                difference=float(values[i] - values[j]),
-                interval=None
-                if resampled is None
-                else interval(resampled[i] - resampled[j], unit="family"),
-            )
-            for i, j in combinations(range(len(values)), 2)
+            PairedDifference(first=i, second=j, difference=difference, interval=between)
+            for (i, j), (difference, between) in pairs.items()
         ),
         costs=tuple(_on_frontier(costs, values)),
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE
@@ -32,6 +33,33 @@ def cohorts(sides: Sequence[StoredEvaluation]) -> Cohorts:
         categories=tuple((c.id, c.name) for c in sorted(truth.categories, key=lambda c: c.id)),
         images=tuple((i.id, i.width, i.height) for i in images),
         sides=tuple(_matched(side) for side in sides),
+    )
+
+
+def cohort_of_image(whole: Cohorts, image_id: int) -> Cohorts:
+    """The part of one image, so that its predictions can be counted by confidence."""
+    at = next(k for k, (image, _, _) in enumerate(whole.images) if image == image_id)
+    return replace(
+        whole, images=(whole.images[at],), sides=tuple(_of_image(s, at, whole) for s in whole.sides)
+    )
+
+
+def _of_image(side: MatchedSide, at: int, whole: Cohorts) -> MatchedSide:
+    def read(text: str, kind: str, *shape: int) -> NDArray[Any]:
+        return np.frombuffer(base64.b64decode(text), kind).reshape(shape)
+
+    mine = read(side.image, "<u4", -1) == at
+    truths = read(side.truth_image, "<u4", -1) == at
+    n_bytes = -(-len(whole.areas) * whole.thresholds // _A_BYTE)
+    return MatchedSide(
+        ranked=side.ranked,
+        image=_base64(np.zeros(np.count_nonzero(mine)), "<u4"),
+        category=_base64(read(side.category, "<u4", -1)[mine], "<u4"),
+        score=_base64(read(side.score, "<f4", -1)[mine], "<f4"),
+        state=_base64(read(side.state, "u1", -1, n_bytes)[mine], "u1"),
+        truth_image=_base64(np.zeros(np.count_nonzero(truths)), "<u4"),
+        truth_category=_base64(read(side.truth_category, "<u4", -1)[truths], "<u4"),
+        n_truths=_base64(read(side.n_truths, "<u4", len(whole.areas), -1)[:, truths], "<u4"),
     )
 
 

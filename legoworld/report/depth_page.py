@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import DepthPageView
@@ -15,7 +14,7 @@ from legoworld.report.depth_images import (
     depth_facts,
     depth_view,
 )
-from legoworld.report.pixel_section import PixelPage, Views, pixel_page
+from legoworld.report.pixel_section import PixelPage, pixel_page
 
 _METRICS: Final = {
     "abs_rel.error_1": "AbsRel",
@@ -25,17 +24,12 @@ _METRICS: Final = {
     "delta3.error_1": "delta3",
 }
 
-
-def _panes(views: Views) -> Mapping[str, Any]:
-    return {"depth": depth_view(views)}
-
-
 PAGE: Final = pixel_page(
     PixelPage(
         names=_METRICS,
         view=DepthView,
         page_view=DepthPageView,
-        panes=_panes,
+        drawing=("depth", depth_view),
         facts=depth_facts,
         advice=depth_advice,
         mending=MENDING,

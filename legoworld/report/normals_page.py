@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.report_page import NormalsPageView
 from legoworld.report.normals_images import MENDING, normals_advice, normals_drawing, normals_facts
-from legoworld.report.pixel_section import PixelPage, Views, pixel_page
+from legoworld.report.pixel_section import PixelPage, pixel_page
 
 _METRICS: Final = {
     "mean_deg.error_90": "mean error",
@@ -19,17 +18,12 @@ _METRICS: Final = {
     "below_30.fails": "below 30",
 }
 
-
-def _panes(views: Views) -> Mapping[str, Any]:
-    return {"normals": normals_drawing(views)}
-
-
 PAGE: Final = pixel_page(
     PixelPage(
         names=_METRICS,
         view=NormalsView,
         page_view=NormalsPageView,
-        panes=_panes,
+        drawing=("normals", normals_drawing),
         facts=normals_facts,
         advice=normals_advice,
         mending=MENDING,

@@ -19,7 +19,7 @@ from legoworld.workers.processors import usable_cores
 class PageDocument:
     """Everything a page shows. views: of every photo of every section; photos: each file once.
 
-    overlays: lossless pictures of a bench's outcomes.
+    overlays: lossless pictures of a bench's outcomes. alone: one photo without lists and tables.
     A view's "photo" is a position in photos, or None with "said" saying why; likewise of the
     renders and scenes of its sides in `scenes`.
     """
@@ -29,6 +29,7 @@ class PageDocument:
     photos: list[bytes] = field(default_factory=list)
     overlays: list[bytes] = field(default_factory=list)
     scenes: SceneFiles = field(default_factory=lambda: SceneFiles(folders=()))
+    alone: bool = False
 
     @property
     def pictures(self) -> dict[str, list[bytes]]:
@@ -39,7 +40,7 @@ class PageDocument:
     def in_3d(self) -> bool:
         """Whether something is shown in 3D: a scene, or points."""
         points = any(isinstance(v, BenchPageView) and v.raster for v in self.views)
-        return bool(self.scenes.glbs) or points
+        return any(self.scenes.glbs) or points
 
 
 @dataclass(kw_only=True)

@@ -87,8 +87,9 @@ def write_page(
     n_bytes = sum(map(len, views)) + sum(len(p) * 4 // 3 for p in pictures)
     beside = PageAssets(
         folder=f"{path.stem}_files",
-        pictures=len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES,
-        scenes=sum(map(len, document.scenes.glbs)) * 4 // 3 > EMBEDDED_SCENE_BYTES,
+        pictures=not document.alone and (len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES),
+        scenes=not document.alone
+        and sum(map(len, document.scenes.glbs)) * 4 // 3 > EMBEDDED_SCENE_BYTES,
     )
     folder = path.with_name(beside.folder)
     if beside.any:
@@ -131,6 +132,7 @@ def page_text(
         .render(
             mark=Markup(MARK),
             version=__version__,
+            alone=document.alone,
             sections=document.sections,
             tasks=tasks_table(document.sections) if len(document.sections) > 1 else None,
             commands=commands,
@@ -163,6 +165,7 @@ def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:
             "scenes": beside.scenes,
         },
         "version": __version__,
+        "alone": document.alone,
     }
 
 
@@ -172,8 +175,8 @@ def _for_scripts(section: PageSection) -> dict[str, Any]:
 
 
 def _texts(kind: str, files: Sequence[bytes]) -> dict[str, str]:
-    """Base64 by the id of its script element."""
-    return {f"{kind}-{k}": base64.b64encode(f).decode("ascii") for k, f in enumerate(files)}
+    """Base64 by the id of its script element; nothing of an empty file."""
+    return {f"{kind}-{k}": base64.b64encode(f).decode("ascii") for k, f in enumerate(files) if f}
 
 
 def _environment() -> jinja2.Environment:

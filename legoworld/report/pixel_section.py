@@ -54,7 +54,7 @@ class PixelPage:
 
     names: the main metrics, as comparisons call them, with the page's names; the first is in
     sentences, and photos are listed by it. view: the type of view/ID.json; page_view: that of the
-    page's views, with the fields that `panes` makes of the sides' views.
+    page's views; drawing: its field of what is drawn, and what makes that of the sides' views.
     facts: of a row with numbers, before its metrics; advice: on it; mending: what its errors cost;
     constant: the score of a constant, where there is one. plots: made anew for each section.
     """
@@ -62,7 +62,7 @@ class PixelPage:
     names: Mapping[str, str]
     view: type[Any]
     page_view: Callable[..., PageView]
-    panes: Callable[[Views], Mapping[str, Any]]
+    drawing: tuple[str, Callable[[Views], Any]]
     facts: Callable[[Any], list[tuple[str, str]]]
     advice: Callable[[Any], list[Advice]]
     mending: Mending
@@ -144,7 +144,7 @@ def _view(
             _answer(page, side, row, document)
             for side, row in zip(section.sides, rows, strict=True)
         ),
-        **page.panes(views),
+        **{page.drawing[0]: page.drawing[1](views)},
     )
 
 

@@ -81,11 +81,11 @@ def _ranks_table(section: Section, ranked: RankedSides, label: str) -> Table:
 
 def _differences(ranked: RankedSides, i: int) -> list[Cell]:
     cells: list[Cell] = []
-    for difference in ranked.differences[i]:
-        if difference is None:
+    for j in range(len(ranked.values)):
+        if i == j:
             cells.append("")
             continue
-        value, interval = difference
+        value, interval = ranked.differences[i, j]
         ends = interval.ends if interval else None
         cells.append(Number(value=_known(value), ends=ends, signed=True))
     return cells

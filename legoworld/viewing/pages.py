@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,11 +28,13 @@ class Pages:
     photos: Path | None
     scene_folders: Sequence[Path]
     making: threading.Lock = field(default_factory=threading.Lock)
+    made: dict[str, Path] = field(default_factory=dict)
 
     def make(self, state: WatchedState, name: str) -> str:
         """The folder below `scratch` with the page of a source; made once for each content.
 
-        CatalogError where the folder has no page, LegoWorldError where it cannot be made.
+        It takes the place of an earlier one. CatalogError where the folder has no page,
+        LegoWorldError where it cannot be made.
         """
         source = next((one for one in state.sources if one.name == name), None)
         if source is None or not source.page:
@@ -41,11 +44,15 @@ class Pages:
                 expected="an evaluation, a comparison, or trials that have ended",
             )
         with self.making:
-            content = f"{name} {_signature(self.top / name)}"
+            read = [self.top / name, *([self.photos] if self.photos else []), *self.scene_folders]
+            content = f"{name} {[_signature(one) for one in read]}"
             folder = self.scratch / sha256(content.encode()).hexdigest()
             if not (folder / PAGE).is_file():
                 folder.mkdir(exist_ok=True)
                 self._write(source, folder / PAGE)
+                if earlier := self.made.get(name):
+                    shutil.rmtree(earlier)
+                self.made[name] = folder
             return folder.name
 
     def _write(self, source: Watched, page: Path) -> None:
@@ -57,6 +64,6 @@ class Pages:
 
 
 def _signature(folder: Path) -> list[tuple[str, int, int]]:
-    """What changes with the files of a result, or with the number of trials."""
+    """What changes with the files of a folder, or with the number of its trials or photos."""
     found = [(path.name, path.stat()) for path in sorted(folder.iterdir())]
     return [(name, status.st_size, status.st_mtime_ns) for name, status in found]

@@ -44,6 +44,7 @@ from legoworld.trajectories.folder import RECONSTRUCTION, TRIAL
 _MOST_ROWS: Final = 60
 _MOST_FOLDERS: Final = 20_000
 _DEEPEST: Final = 5
+_END_BYTES: Final = 64
 #: The files that tell what a folder is; below such a folder is nothing of its own.
 _TELLING: Final = {COMPARISON, CONFIGURATION, RUN, EVIDENCE, RECONSTRUCTION, BEGUN}
 PICTURES: Final = (".png", ".jpg", ".jpeg", ".webp")
@@ -91,9 +92,14 @@ class WatchedState(Record, frozen=True, kw_only=True):
 
 @dataclass(kw_only=True)
 class _Journal:
-    """As much of an unfinished run's journal as was read."""
+    """As much of an unfinished run's journal as was read. inode, end: what tells it from another.
+
+    end: the bytes before `at`, which hold the checksum of the last record.
+    """
 
     at: int = 0
+    inode: int = 0
+    end: bytes = b""
     statuses: Counter[str] = field(default_factory=Counter)
     newest: list[RunRow] = field(default_factory=list)
 
@@ -184,12 +190,13 @@ class Watch:
         path = folder / JOURNAL
         try:
             configuration = recorded_configuration(folder)
-            begun = path.stat().st_size if path.exists() else 0
+            inode = path.stat().st_ino if path.exists() else 0
             journal = self._journals.get(folder, _Journal())
-            if begun < journal.at:  # it was begun anew
-                journal = _Journal()
+            if journal.inode != inode or journal.end != _end(path, journal.at):  # begun anew
+                journal = _Journal(inode=inode)
             self._journals[folder] = journal
-            rows, journal.at = rows_after(folder, journal.at) if begun else ([], 0)
+            rows, journal.at = rows_after(folder, journal.at) if inode else ([], 0)
+            journal.end = _end(path, journal.at)
         except (OSError, LegoWorldError) as error:
             return Watched(name=self._name(folder), kind="run", problem=_reason(error))
         journal.statuses.update(row.status for row in rows)
@@ -294,6 +301,15 @@ def _first_metric(summary: Summary) -> str:
     """Such as "AP 0.5501", over all attempted images."""
     first = next(summary.metric_values())
     return f"{first.name} {Number(value=first.value)}"
+
+
+def _end(path: Path, at: int) -> bytes:
+    """The last bytes of a file before `at`; none before its start."""
+    if not at:
+        return b""
+    with path.open("rb") as stream:
+        stream.seek(max(0, at - _END_BYTES))
+        return stream.read(min(at, _END_BYTES))
 
 
 def _lines(path: Path) -> int:

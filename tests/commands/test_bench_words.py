@@ -92,3 +92,9 @@ def test_judgements_are_printed_by_their_aspect(words, tmp_path, monkeypatch, ca
         assert json.loads(said) == VERSION | {"of": ["layout"]}
     else:
         assert said == f"layout\n{_matrix(AGREEMENT)}\n\n"
+
+
+def test_a_seed_of_no_pairs_is_refused(tmp_path, capsys):
+    (tmp_path / "j.jsonl").touch()
+    assert cli.run(["bench", "judges", str(tmp_path / "j.jsonl"), "--seed", "3"]) == 2
+    assert "--seed is for --trajectories" in capsys.readouterr().err

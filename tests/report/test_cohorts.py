@@ -14,6 +14,8 @@ from report.pages import evaluated, page_of
 
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.report.cohorts import photo_gains
+from legoworld.tables.files import latex
+from legoworld.tables.table import table
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +26,8 @@ def chrome() -> Iterator[Browser]:
 
 TRUTH = random_truth("coco", seed=7, images=14)
 ANSWERS = random_predictions("coco", TRUTH, seed=7, levels=None)
+#: Of the side: every character that LaTeX reads.
+NAME = r"r_50 & 5 % ~^\{x} #$ ↓"
 #: Filters of the address, and what they select: part of a photo's name, a category, a size.
 SELECTIONS = [
     ("q=1", "1", None, ""),
@@ -61,7 +65,7 @@ def evaluated_part(folder: Path, ids: set[int], category: int | None) -> tuple[A
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cohorts")
     boxes = evaluated(folder, "coco", truth=TRUTH, predictions=ANSWERS, kind="baseline",
-                      baseline="random")  # fmt: skip
+                      baseline=NAME)  # fmt: skip
     return page_of(folder / "report.html", boxes)
 
 
@@ -116,6 +120,24 @@ def test_confidence_counts_and_draws_what_is_above_it(chrome: Browser, page: Pat
     assert chrome.js(f"document.querySelectorAll('.pane :is({outlines})').length") == mine
     chrome.open(page, "#/coco?tab=photos")
     assert "0.30 or above" in chrome.js("document.querySelector('[data-confidence]').textContent")
+
+
+def test_what_is_on_screen_is_saved_as_latex(chrome: Browser, page: Path) -> None:
+    """As `legoworld compare` writes a table of the same cells."""
+    chrome.open(page, "#/coco?tab=photos&conf=0.5&size=medium")
+    chrome.until("document.querySelector('[data-cohort]').textContent.includes('confidence 0.5')")
+    said = numbers(chrome)
+    with chrome.page.expect_download() as saving:
+        chrome.page.locator("[data-cohort]").get_by_text("LaTeX").click()
+    assert saving.value.suggested_filename == "coco-selection.tex"
+    text = Path(saving.value.path()).read_text()
+    about, row = text.splitlines()[1].removeprefix("% "), text.splitlines()[6]
+    assert all(part in about for part in ("selection", "medium", "confidence 0.5", " photos"))
+    cells = [NAME, *row.removesuffix(r" \\").split(" & ")[-7:]]
+    assert cells[1].startswith(f"{said['AP']:.3f} [")
+    assert cells[3].startswith(f"{said['precision']:.3f} [")
+    head = ["system", "AP", "AP50", "precision", "recall", "found", "objects", "false positives"]
+    assert text == latex(table(head, [cells], notes=[about]))
 
 
 def test_a_photo_gains_what_its_mending_gains(tmp_path: Path) -> None:

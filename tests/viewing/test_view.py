@@ -18,6 +18,8 @@ from waiting import until
 
 import legoworld
 from legoworld.errors import UsageError
+from legoworld.viewing.pages import Pages
+from legoworld.viewing.watched import Watch
 
 PNG = b"\x89PNG\r\n\x1a\nand more"
 
@@ -76,6 +78,19 @@ def test_a_page_has_the_bytes_of_the_report(served, top, tmp_path):
     legoworld.write_report([top / name], tmp_path / "report.html", photos=top / "pictures")
     assert shown.content == (tmp_path / "report.html").read_bytes()
     assert ask(served.url, f"report/{name}").headers["Location"] == answer.headers["Location"]
+
+
+def test_a_page_made_again_takes_the_place_of_the_earlier_one(top, tmp_path):
+    state = Watch(top).look()
+    name = next(one.name for one in state.sources if one.page)
+    photos, scratch = tmp_path / "photos", tmp_path / "scratch"
+    photos.mkdir(), scratch.mkdir()
+    pages = Pages(top=top, scratch=scratch, photos=photos, scene_folders=())
+    first = pages.make(state, name)
+    assert pages.make(state, name) == first
+    (photos / "late.jpg").write_bytes(b"")
+    second = pages.make(state, name)
+    assert [path.name for path in scratch.iterdir()] == [second] != [first]
 
 
 def test_the_page_of_the_folder_itself(served, top, tmp_path):

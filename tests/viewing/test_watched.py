@@ -105,6 +105,9 @@ def test_a_run_that_is_begun_again(tmp_path):
     assert only(watch).done == 0
     add_rows(folder, "missing")
     assert only(watch).statuses == {"missing": 1}
+    (folder / "journal.jsonl").write_bytes(b"")  # and grown past what was read before the next look
+    add_rows(folder, "timeout", "ok", "ok")
+    assert only(watch).statuses == {"ok": 2, "timeout": 1}
 
 
 def test_no_more_rows_than_a_page_can_show(tmp_path):

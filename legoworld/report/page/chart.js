@@ -54,11 +54,8 @@ export function plotFigure({ name, title, root, keys, note, head, rows }) {
   const legend = (keys || []).map(([cls, text]) => el("span", { class: "legend-key" }, [
     svg("svg", { viewBox: "0 0 26 12", "aria-hidden": "true", width: 26, height: 12 }, [
       svg("rect", { class: "swatch-box " + cls, x: 1, y: 2, width: 24, height: 8 })]), " " + text]));
-  const files = el("span", { class: "files" }, [
-    button("CSV", () => save(name + ".csv", "text/csv", csvOf([head, ...rows])), { "aria-label": title + " as CSV" }),
-    root ? button("SVG", () => save(name + ".svg", "image/svg+xml", svgText(root)), { "aria-label": title + " as SVG" }) : null]);
   const figure = el("figure", { class: "plot" }, [
-    el("figcaption", {}, [el("h3", {}, [title]), files]),
+    el("figcaption", {}, [el("h3", {}, [title]), fileButtons({ name, title, note, rows: [head, ...rows], root })]),
     legend.length ? el("div", { class: "legend-keys" }, legend) : null,
     root,
     note ? el("p", { class: "sub" }, [note]) : null,
@@ -68,7 +65,30 @@ export function plotFigure({ name, title, root, keys, note, head, rows }) {
   return figure;
 }
 
-export function csvOf(rows) {
+/* What a table, and the plot of it, can be saved as. rows: the first is the head. */
+export function fileButtons({ name, title, note, rows, root }) {
+  const one = (kind, ending, type, text) => button(kind, () => save(name + ending, type, text()), { "aria-label": title + " as " + kind });
+  return el("span", { class: "files" }, [one("CSV", ".csv", "text/csv", () => csvOf(rows)),
+    one("LaTeX", ".tex", "application/x-tex", () => latexOf(rows, title + (note ? ": " + note : ""))),
+    root ? one("SVG", ".svg", "image/svg+xml", () => svgText(root)) : null]);
+}
+
+const LATEX = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}",
+  "\u2191": "$\\uparrow$", "\u2193": "$\\downarrow$" };
+
+function latexCell(cell) {
+  const text = String(cell ?? "").replace(/\s+/g, " ").replace(/[\\~^&%$#_{}\u2191\u2193]/g, (sign) => LATEX[sign] || "\\" + sign);
+  return /^ ?[[*]/.test(text) ? "{}" + text : text;
+}
+
+/* A booktabs tabular, as `legoworld compare` writes its own. */
+function latexOf([head, ...rows], about) {
+  const line = (row) => row.map(latexCell).join(" & ") + " \\\\";
+  return ["% needs \\usepackage{booktabs}", "% " + about.replace(/\s+/g, " "), "\\begin{tabular}{" + "l".repeat(head.length) + "}",
+    "\\toprule", line(head), "\\midrule", ...rows.map(line), "\\bottomrule", "\\end{tabular}", ""].join("\n");
+}
+
+function csvOf(rows) {
   return rows.map((row) => row.map((cell) => {
     const text = cell === null || cell === undefined ? "" : String(cell);
     return /[",\n\r]/.test(text) ? '"' + text.replaceAll('"', '""') + '"' : text;
@@ -79,7 +99,7 @@ const KEPT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharra
   "font-family", "font-size", "font-weight", "text-anchor", "opacity"];
 
 /* The drawing by itself: every element with the style it has here, on the page's ground. */
-export function svgText(root) {
+function svgText(root) {
   const copy = root.cloneNode(true);
   const [from, to] = [root.querySelectorAll("*"), copy.querySelectorAll("*")];
   from.forEach((node, i) => {

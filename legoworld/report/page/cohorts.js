@@ -1,7 +1,7 @@
 /* A selection of photos, scored as the evaluator scores all of them: from every prediction's outcome
    at every size and threshold, accumulated by category in falling order of score. */
 
-import { save } from "./chart.js";
+import { fileButtons, save } from "./chart.js";
 import { button, counted, el, fixed } from "./elements.js";
 import { here, moveTo } from "./place.js";
 
@@ -165,8 +165,9 @@ export function choiceOf(section, place) {
 export function cohortLines(section, rows, place) {
   const choice = choiceOf(section, place);
   const many = section.sides.length > 1;
+  const sides = section.sides.map((_, k) => rescored(section, k, rows, choice));
   const lines = section.sides.map((side, k) => {
-    const found = rescored(section, k, rows, choice);
+    const found = sides[k];
     const span = (name, value, between) => [name + " ", el("b", { "data-number": name, "data-value": value }, [fixed(value)]),
       between && between[0] !== null ? " [" + fixed(between[0]) + ", " + fixed(between[1]) + "]" : ""];
     return el("p", { class: "cohort-line", "data-side": k }, [many ? el("b", {}, [side.label + ": "]) : null,
@@ -176,7 +177,11 @@ export function cohortLines(section, rows, place) {
   });
   const what = counted(rows.length, "photo", "photos") + (choice.category < 0 ? "" : ", " + section.cohorts.categories[choice.category][1]) +
     (choice.area ? ", " + place.size : "") + (choice.conf ? "; counts at confidence " + choice.conf + " or above, IoU 0.5" : "; counts at IoU 0.5");
+  const cell = (value, between) => fixed(value) + (between && between[0] !== null ? " [" + fixed(between[0]) + ", " + fixed(between[1]) + "]" : "");
+  const table = [["system", "AP", "AP50", "precision", "recall", "found", "objects", "false positives"], ...sides.map((s, k) => [section.sides[k].label,
+    cell(s.ap, s.ap_ends), cell(s.ap50), cell(s.precision, s.precision_ends), cell(s.recall, s.recall_ends), s.tp, s.objects, s.fp])];
   return [...lines, el("p", { class: "sub" }, [what + ". 95 % intervals over photos. ",
+    fileButtons({ name: section.task + "-selection", title: section.title + ", selection", note: what + ". 95 % intervals over photos", rows: table, root: null }), " ",
     button("save as a track", () => save(section.task + "-selection.json", "application/json", JSON.stringify(trackOf(section, rows))))])];
 }
 

@@ -121,6 +121,10 @@ function pickFrom(event, items, links, stage) {
 }
 
 function topBar(view) {
+  if (DATA.alone) {
+    return el("div", { class: "bar-top" }, [el("h2", { tabindex: -1, "data-keep": "title" }, [view.file_name]),
+      el("span", { class: "count" }, [sectionOf(view.section).title])]);
+  }
   const around = neighbours();
   const where = around.at < 0 ? "outside the list's filters" : (around.at + 1) + " of " + around.n;
   const photos = here().tab === "photos";

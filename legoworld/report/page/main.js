@@ -21,6 +21,10 @@ function show() {
   said.textContent = strange && "There is no section " + strange + " on this page: this is " + section.title + ".";
   if (strange) { place.image = ""; noteInAddress({ section: section.key, image: "" }); }
   place.section = section.key;
+  if (DATA.alone && !place.image) {
+    place.image = String(section.images[0].id);
+    noteInAddress({ section: section.key, image: place.image });
+  }
   place.tab = TABS.includes(place.tab) ? place.tab : "overview";
   const opened = place.image && !LAST.image;
   if (opened) { LAST.scroll = window.scrollY; }
@@ -99,7 +103,7 @@ function start() {
   window.addEventListener("scroll", again, { passive: true });
   window.addEventListener("resize", () => { again(); document.querySelectorAll("section.task:not([hidden])").forEach(markScrollers); });
   window.addEventListener("beforeprint", () => {
-    DATA.sections.forEach((s) => { overview(s, true); plots(s); });
+    if (!DATA.alone) { DATA.sections.forEach((s) => { overview(s, true); plots(s); }); }
     drawAll();
   });
   show();

@@ -1,8 +1,8 @@
 /* Curves, bars and histograms of a section. */
 
 import { casesPlot } from "./cases_plot.js";
-import { chart, csvOf, pathOf, plotFigure, roundTicks, save, svgText } from "./chart.js";
-import { button, el, fixed, svg } from "./elements.js";
+import { chart, fileButtons, pathOf, plotFigure, roundTicks } from "./chart.js";
+import { el, fixed, svg } from "./elements.js";
 import { sectionElement } from "./views.js";
 
 const MOST_CATEGORIES = 24;
@@ -31,11 +31,7 @@ function tieFiles(drawing) {
   const name = "tie-orders-" + figure.dataset.name.replace(/[^\w-]+/g, "-");
   const rows = Array.from(drawing.querySelectorAll(".bar title"), (t) => t.textContent.match(/^([\d,]+) .*?([\d.]+) \S+ ([\d.]+)$/))
     .filter(Boolean).map((m) => [m[2], m[3], m[1].replaceAll(",", "")]);
-  figure.append(el("span", { class: "files" }, [
-    button("CSV", () => save(name + ".csv", "text/csv", csvOf([["AP from", "to", "orders"], ...rows])),
-      { "aria-label": figure.dataset.name + ", tie orders as CSV" }),
-    button("SVG", () => save(name + ".svg", "image/svg+xml", svgText(drawing)),
-      { "aria-label": figure.dataset.name + ", tie orders as SVG" })]));
+  figure.append(fileButtons({ name, title: figure.dataset.name + ", tie orders", note: "", rows: [["AP from", "to", "orders"], ...rows], root: drawing }));
 }
 
 /* A side keeps its mark through every plot. */
