@@ -73,7 +73,10 @@ class Card:
             ) from error
 
     def value(self, key: str) -> Any:
-        """A value by its dotted key, such as "scoring.metrics". InstallationError without it."""
+        """A value by its dotted key, such as "scoring.max_detections".
+
+        Raises InstallationError where the card lacks it.
+        """
         found: Any = self.values
         for part in key.split("."):
             if not isinstance(found, dict) or part not in found:
@@ -115,9 +118,10 @@ def read_card(path: Path, task: str) -> Card:
 
 
 def read_values(path: Path, task: str) -> Card:
-    """Read a card without holding it to anything. InstallationError for one that is no TOML.
+    """Read a card without holding it to anything.
 
     base: the name of a card beside it, whose tables it has where it declares none of the name.
+    Raises InstallationError for a file that cannot be read as TOML.
     """
     file = f"readouts/{path.name}" if path.parent == catalog.folder("readouts") else str(path)
     try:

@@ -25,7 +25,7 @@ _DIMENSION = r"(?:\.\.\.|[A-Z]{1,2}|[A-Z]+_[A-Z_]+|\d+|[a-z]\w*)(?: ?[-+*/] ?\w+
 SHAPE = re.compile(
     rf"\({_DIMENSION}(?:,|(?:, {_DIMENSION})+)\)|\(\.\.\.\)"
     r"|\b[Oo]ne\b[\w ,-]* (?:per|for each|for every|of each|of every)\b"
-    r"|\b\d-d\b|\bx, y, w, h\b|\bshape"
+    r"|\b\d-d\b|\bx, y, w, h\b|\b[Ss]hapes?\b"
 )
 
 

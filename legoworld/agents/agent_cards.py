@@ -65,7 +65,10 @@ def agent_cards() -> list[AgentCard]:
 
 
 def load_agent(name: str) -> AgentCard:
-    """An agent by name, or by the path of a card ending in .toml. UsageError for another."""
+    """An agent by name, or by the path of a card of your own, which ends in .toml.
+
+    Raises UsageError where there is no such agent.
+    """
     path = Path(name) if name.endswith(".toml") else _CARDS / f"{name}.toml"
     if path.is_file():
         return read_agent_card(path)

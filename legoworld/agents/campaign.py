@@ -53,7 +53,7 @@ def reconstruct(
     agent and its API. plugin: give agents the plugin's server, too: `without` leaves modules out,
     regions and depth are its evidence. trial_limit_s, max_calls, max_tokens and max_cost (US
     dollars): of one trial, None for the card's. `listener.trial` gets each row as its trial ends.
-    Repeat the call to resume. Raises UsageError for the plugin's options without `plugin`.
+    Repeat the call to resume. Raises UsageError for an option of the plugin without `plugin`.
     """
     if not plugin and (without or regions or depth):
         raise UsageError(

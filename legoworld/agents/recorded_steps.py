@@ -26,7 +26,7 @@ def remaining_steps(
 ) -> list[RecordedStep] | None:
     """The steps left to play after these calls; None for an agent that plays none.
 
-    StepsUnusableError for an image without a program, and for a recording that cannot be read.
+    Raises StepsUnusableError for an image without a program and for a damaged recording.
     """
     if plan.programs is None:
         return None

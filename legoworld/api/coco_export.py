@@ -203,7 +203,10 @@ def document_of_run(
 
 
 def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
-    """The run's categories: the track's, a dataset's or its labels'. UsageError if unknown."""
+    """The categories of the run: the track's, a shipped dataset's, or those of its own labels.
+
+    Raises UsageError where none of them is the run's vocabulary.
+    """
     expected = run.configuration.vocabulary_sha256
     vocabulary = open_track(track).vocabulary if track is not None else None
     if vocabulary is None:

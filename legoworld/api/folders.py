@@ -64,7 +64,10 @@ def written_whole(place: Place, *, last: str) -> Iterator[Path]:
 
 @contextmanager
 def read_from(place: Place) -> Iterator[Path]:
-    """A folder to read from; a URL is fetched for the block. UsageError if it is empty."""
+    """A folder to read from; a URL is fetched for the duration of the block.
+
+    Raises UsageError where there is nothing at the URL.
+    """
     if isinstance(place, Path):
         yield place
         return

@@ -31,10 +31,10 @@ def score_photo(
 ) -> PhotoScore:
     """Execute, read out and evaluate one scene; what is wrong with it, and what to do.
 
-    program_or_scene: a .py, any .blend or .glb, or a scene folder, which are only read. image: the
-    photo's id or file name in the ground truth, None for its own name. Below output: the scene of a
-    program, run, evaluation, overlay and report. It reads ground truth: no agent that builds scenes
-    may see it. UsageError for anything else.
+    program_or_scene: a .py, any .blend or .glb, or a scene folder, which are only read; UsageError
+    for anything else. image: the photo's id or file name in the ground truth, None for its own
+    name. Below output: the scene of a program, run, evaluation, overlay and report. It reads ground
+    truth: no agent that builds scenes may see it.
     """
     what = Path(program_or_scene)
     if not what.is_dir() and what.suffix not in (".py", ".blend", ".glb"):

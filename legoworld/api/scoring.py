@@ -61,7 +61,7 @@ class Truth:
         return self.family.sizes_wh(self.held)
 
     def score(self, answers: LiveAnswers, image_ids: Collection[int] | None) -> Scores:
-        """The scores of answers, arrays (H, W) or (H, W, 3), to images, None for all."""
+        """The scores of answers, (H, W) or (H, W, 3) if arrays, to images, None for all."""
         return self.family.score(self.task, self.held, answers, image_ids)
 
 
@@ -99,7 +99,7 @@ class Given:
 def given_answers(
     answers: Answers, truth: Truth | LiveTruth, *, task: str | None, image_id: int | None
 ) -> Given:
-    """What `score` is given: results, (H, W) or (H, W, 3) arrays. UsageError, TruthInvalidError."""
+    """What `score` is given, as results or (H, W, ...) arrays. UsageError, TruthInvalidError."""
     if image_id is not None:
         check_argument("image_id", image_id)
     one = isinstance(answers, SceneView | np.ndarray)

@@ -54,7 +54,7 @@ def torchvision_target(
     image_id: int,
     arrays: Arrays,
 ) -> TorchvisionTarget:
-    """The target of one image. category_ids: (n,); masks: (n, H, W). UsageError without torch."""
+    """The target of one image; (n,) ids, (n, H, W) masks. UsageError for tensors without torch."""
     xywh = np.array([row.bbox_xywh_px for row in rows], np.float32).reshape(-1, 4)
     of_numpy = {
         "boxes": np.concatenate([xywh[:, :2], xywh[:, :2] + xywh[:, 2:]], axis=1),

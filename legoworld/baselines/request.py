@@ -74,7 +74,10 @@ class BaselineRequest:
 
 
 def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -> list[TrackImage]:
-    """The track's images, or those of --image-id and --limit. UsageError for a foreign id."""
+    """The images to attempt: all of the track's, or those selected by --image-id and --limit.
+
+    Raises UsageError for an id that the track does not have.
+    """
     images = list(track.images)
     known = {image.id for image in images}
     unknown = [i for i in image_ids if i not in known]

@@ -60,7 +60,7 @@ class Halves:
     def write_x(
         self, stem: str, arrays: Mapping[str, NDArray[Any]], picture: bytes | None
     ) -> XTruth:
-        """Write the arrays, of any shape, that the second card's probe sees; R_empty is still 0."""
+        """Write what the second card's probe sees, arrays of any shape; R_empty still 0."""
         path, shown = self.private / "x" / f"{stem}.npz", self.private / "x" / f"{stem}.png"
         write_npz(path, arrays)
         if picture is not None:

@@ -82,7 +82,10 @@ def make_lens(coefficients: Mapping[str, float], *, fisheye: bool) -> Lens | Non
 
 
 def world_from_cam(pose: tuple[float, ...], name: str) -> Pose:
-    """The inverse of cam_from_world as QW QX QY QZ TX TY TZ. CalibrationError for no rotation."""
+    """The inverse of cam_from_world as QW QX QY QZ TX TY TZ; the quaternion is normalised.
+
+    Raises CalibrationError for a quaternion of length 0.
+    """
     length = math.sqrt(sum(q * q for q in pose[:4]))
     if not length > 0:
         raise CalibrationError(

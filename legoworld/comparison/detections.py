@@ -67,7 +67,7 @@ def restrict_table(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:
 
 
 def restrict_counts(counts: MatchedCounts, kept: NDArray[np.bool_]) -> MatchedCounts:
-    """The score-free sums of the kept images. kept: (images,)."""
+    """The score-free sums of the kept images, (images,) bool."""
     position = np.cumsum(kept) - 1
     cells = kept[counts.cell_image]
     return MatchedCounts(
@@ -130,7 +130,7 @@ def side_frequencies(side: StoredEvaluation, category_ids: NDArray[np.int64]) ->
 def measure_detections(
     side: StoredEvaluation, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
 ) -> Measures:
-    """Every metric of `detection_metrics` over the kept (images,), from the recorded matches."""
+    """Every metric of `detection_metrics` over kept (images,) bool, from the recorded matches."""
     arrays = side.matches
     frequencies = side_frequencies(side, arrays["category_ids"])
     measures: Measures = {}

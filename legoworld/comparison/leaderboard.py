@@ -79,7 +79,10 @@ def leaderboard(
 
 
 def write_leaderboard(folder: Path, board: Leaderboard, *, overwrite: bool) -> None:
-    """leaderboard.json, .md, .tex, .csv, standings.*. ConfigurationMismatchError: others there."""
+    """leaderboard.json, .md, .tex, .csv, and standings.*; a folder with others is refused.
+
+    Raises ConfigurationMismatchError for such a folder, and for another table without overwrite.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     strangers = sorted(path.name for path in folder.iterdir() if path.name not in FILES)
     there = folder / DOCUMENT

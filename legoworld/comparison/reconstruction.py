@@ -34,14 +34,17 @@ def bench_metrics(task: str) -> list[Metric]:
 def family_draws(
     side: StoredEvaluation, kept: NDArray[np.bool_], draws: int, seed: int
 ) -> means.Draws:
-    """Draws over the families of the kept (cases,), shared by both sides."""
+    """Draws over the families of the kept cases, (cases,) bool, shared by both sides."""
     return means.family_draws(side.kept_rows(kept), draws, seed)
 
 
 def measure_bench(
     side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: means.Draws
 ) -> Measures:
-    """A side's means over the kept (cases,). images "paired" leaves out V, then 1 of all."""
+    """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out.
+
+    kept: (cases,), as in `family_draws`.
+    """
     rows: list[ReconstructionRow] = side.kept_rows(kept)
     return {
         measure.name: _mean(measure, rows, shared)

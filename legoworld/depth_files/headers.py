@@ -51,7 +51,10 @@ def picture_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 def check_claim(
     path: Path, shape: tuple[int, ...], check_size: SizeCheck | None, channels: int = 1
 ) -> None:
-    """DepthFileError for a shape that is not an image, is too large or not the caller's size."""
+    """Refuse a shape that is not an image, is too large, or differs from the caller's size.
+
+    Raises DepthFileError, and what `check_size` raises.
+    """
     if channels > 1 and shape[-1:] != (channels,):
         raise DepthFileError(
             f"{path.name} is not one picture of {channels} channels",
@@ -115,7 +118,10 @@ def npy_claim(
 
 
 def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
-    """(height, width), scale and offset of the pixels in a PFM. DepthFileError: not one channel."""
+    """(height, width), scale and the offset of the pixels in a one-channel PFM.
+
+    Raises DepthFileError for another header.
+    """
     with path.open("rb") as stream:
         magic = stream.readline(16).strip()
         header = [stream.readline(64)]
@@ -139,9 +145,10 @@ def pfm_claim(path: Path) -> tuple[tuple[int, int], float, int]:
 
 
 def png_claim(path: Path) -> tuple[int, ...]:
-    """The shape claimed by a PNG's IHDR chunk. DepthFileError if a chunk is not inside the file.
+    """The shape claimed by a PNG's IHDR chunk; every chunk must be inside the file.
 
-    Decoders allocate the length that a chunk claims, up to 4 GiB, before reading it.
+    Decoders allocate the length that a chunk claims, up to 4 GiB, before reading it. Raises
+    DepthFileError for a damaged file.
     """
     with path.open("rb") as stream:
         start = stream.read(26)
@@ -163,7 +170,10 @@ def png_claim(path: Path) -> tuple[int, ...]:
 
 
 def pgm_claim(path: Path) -> tuple[int, ...]:
-    """The shape claimed by a PGM's header. DepthFileError if it has no binary pixels for it."""
+    """The shape claimed by a PGM's header; a binary file must have the bytes for it.
+
+    Raises DepthFileError for another header and for a truncated file.
+    """
     with path.open("rb") as stream:
         start = stream.read(_LONGEST_TEXT_HEADER)
     uncommented = b" ".join(line.split(b"#")[0] for line in start.split(b"\n"))
@@ -182,7 +192,10 @@ def pgm_claim(path: Path) -> tuple[int, ...]:
 
 
 def tiff_claim(path: Path) -> tuple[int, ...]:
-    """The shape of a TIFF's only image, (height, width[, channels]). DepthFileError for others."""
+    """The shape of a TIFF's only image, (height, width) or (height, width, channels).
+
+    Raises DepthFileError for several images and for a file without a size.
+    """
     try:
         with path.open("rb") as stream:
             fields, following = _first_directory(stream)

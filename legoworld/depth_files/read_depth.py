@@ -79,8 +79,8 @@ def read_picture(
 
     channel: an EXR's, None to find it. check_size: called with the size before the array is read.
     channels: numbers of a pixel that an .npy or .exr must have; a PNG's are as decoded. Returns the
-    array, (H, W) beside axes of 1, or (H, W, channels), and the EXR channel's name. DepthFileError
-    for others.
+    array, (H, W) or (H, W, channels), perhaps with axes of length 1 around, and the EXR channel's
+    name. Raises DepthFileError for an unknown suffix or an unusable file.
     """
     refuse_photo(path)
     suffix = path.suffix.lower()
@@ -127,7 +127,10 @@ def npz_contents(path: Path, labels: Container[str]) -> Npz:
 def read_npz_array(
     path: Path, name: str, check_size: SizeCheck | None, channels: int = 1
 ) -> NDArray[Any]:
-    """(H, W) or (H, W, channels) of an .npz; its size is checked before. DepthFileError."""
+    """(H, W), or (H, W, channels), of an .npz; its claimed size is checked before it is read.
+
+    Axes of length 1 around are kept. Raises DepthFileError for a damaged file or another size.
+    """
     with _npz_errors(path), zipfile.ZipFile(path) as archive:
         member = {m.filename.removesuffix(".npy"): m for m in archive.infolist()}[name]
         with _member(archive, member) as stream:
@@ -143,9 +146,10 @@ def read_npz_array(
 def npz_arrays(
     source: Path | IO[bytes], name: str, wanted: Container[str] | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Arrays, of any shape, by name; what all of them claim is checked before any is read.
+    """Arrays of an .npz by name; what all of them claim is checked before any is read.
 
-    wanted: None reads every array. name: of the file, for DepthFileError.
+    Their shapes are as stored. wanted: None reads every array. name: of the file, for
+    DepthFileError.
     """
     path = Path(name)
     with _npz_errors(path), zipfile.ZipFile(source) as archive:
@@ -188,7 +192,10 @@ def check_raw_float32(path: Path, size_wh: tuple[int, int]) -> None:
 
 
 def read_pfm(path: Path, check_size: SizeCheck | None = None) -> NDArray[np.float32]:
-    """A one-channel PFM as (H, W), first row on top (a file's rows go upwards). DepthFileError."""
+    """(H, W) of a one-channel PFM, either byte order, first row on top (its rows go upwards).
+
+    Raises DepthFileError where the file's size is not that of its header.
+    """
     shape, scale, place = pfm_claim(path)
     height, width = shape
     found = path.stat().st_size - place

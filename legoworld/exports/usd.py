@@ -34,7 +34,7 @@ NONE: Final = -1
 
 
 def write_views(views: Iterable[ExportedView], output: Path) -> Written:
-    """SCENE/scene.usdc of each scene, textures beside it, once. UsageError without a .blend."""
+    """Write SCENE/scene.usdc, textures beside it, of each scene once. UsageError: no .blend."""
     refuse_missing_usd()
     images = annotations = 0
     lost: list[str] = []

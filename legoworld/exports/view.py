@@ -82,7 +82,7 @@ class ExportedView:
 
 
 def write_image(path: Path, pixels: NDArray[Any]) -> None:
-    """A PNG of (H, W) uint8 or uint16, or (H, W, 3 or 4) uint8, red first. LegoWorldError."""
+    """Write a PNG: (H, W) uint8 or uint16, or (H, W, 3 or 4) uint8, red first. LegoWorldError."""
     order = {3: [2, 1, 0], 4: [2, 1, 0, 3]}
     stored = pixels if pixels.ndim == 2 else pixels[..., order[pixels.shape[2]]]
     done, data = cv2.imencode(".png", np.ascontiguousarray(stored))

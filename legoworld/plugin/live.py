@@ -106,7 +106,7 @@ class LiveBlender:
         """The scene as it is now; with `keep` also the sha256 of the copy that `restore` takes.
 
         luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
-        BlenderRefusedError where the scene changes meanwhile.
+        BlenderRefusedError where its copy is changed meanwhile.
         """
         with self.save_copy() as copy:
             before = copy.sha256()

@@ -56,7 +56,7 @@ class InTheWorld:
         return float(n_surfaces), 0.0 if n_surfaces else 1.0
 
     def valid_transform(self, requirement: kinds.ValidTransform) -> tuple[float, float]:
-        """Largest over smallest axis scale. UnmetError: a flat, mirrored or infinite placement."""
+        """Largest over smallest axis scale of any placement. UnmetError for a flat one."""
         worst = 1.0
         for surface in np.flatnonzero(self.surfaces(requirement.entity)).tolist():
             lengths, determinant = hulls.scales(self.scene.snapshot.world_from_mesh[surface])
@@ -75,7 +75,7 @@ class InTheWorld:
         return float(sides[worst]), float(outside[worst])
 
     def support(self, requirement: kinds.Support) -> tuple[float, float]:
-        """The least gap to what is below, metres, below 0 where sunk in. UnmetError off balance."""
+        """The least gap to what is below, metres; below 0 where it is sunk in. UnmetError."""
         own = self.surfaces(requirement.entity)
         triangles = self.entities.triangles_m(own)
         below = (
@@ -89,7 +89,7 @@ class InTheWorld:
         return rest.gap_m, abs(rest.gap_m)
 
     def touching(self, requirement: kinds.Touching) -> tuple[float, float]:
-        """The least distance to another's surface, metres; 0 at contact. UnmetError: no other."""
+        """The least distance of its surface to another's, metres; 0 in contact. UnmetError."""
         own = self.surfaces(requirement.entity)
         other = ~own if requirement.on is None else self.surfaces(requirement.on) & ~own
         if not other.any():
@@ -110,7 +110,7 @@ class InTheWorld:
         return around
 
     def containment(self, requirement: kinds.Containment) -> tuple[float, float]:
-        """Share of vertices in the convex hull; residual: what is missing. UnknownError if flat."""
+        """Share of vertices in the convex hull; the residual is what is missing. UnknownError."""
         points = self.points(requirement.entity)
         planes = hulls.hull_planes(self.points(requirement.inside))
         if planes is None:
@@ -128,7 +128,7 @@ class InTheWorld:
         return depth, depth
 
     def facing(self, requirement: kinds.Facing) -> tuple[float, float]:
-        """Ground angle between its front and the way there, degrees. UnknownError if vertical."""
+        """Angle on the ground between its front and the way to the other, degrees. UnknownError."""
         way = self.middle(requirement.towards) - self.middle(requirement.entity)
         (angle,) = hulls.facing_angles_deg(self._front(requirement.entity), way[None]).tolist()
         if math.isnan(angle):
@@ -161,7 +161,7 @@ class InTheWorld:
         return np.asarray(-world[:3, 1])
 
     def layout(self, requirement: kinds.Layout) -> tuple[float, float]:
-        """Largest deviation of a step from the mean, over its length. UnknownError: one place."""
+        """Largest deviation of a step from the mean step, over its length. UnknownError."""
         deviation = hulls.step_deviation([self.middle(name) for name in requirement.entities])
         if deviation is None:
             raise UnknownError("all of them are in one place")

@@ -64,7 +64,7 @@ def write_png(path: Path, picture: Rgb) -> None:
 
 
 def png_bytes(picture: Rgb) -> bytes:
-    """A PNG of (H, W, 3) RGB, or of (H, W) grey. LegoWorldError for other shapes."""
+    """A PNG of (H, W, 3) RGB, or of (H, W) grey. LegoWorldError where it cannot be made."""
     pixels = picture[:, :, ::-1] if picture.ndim == 3 else picture
     done, data = cv2.imencode(".png", np.ascontiguousarray(pixels))
     if not done:

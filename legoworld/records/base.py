@@ -123,7 +123,7 @@ def _decode(decoder: msgspec.json.Decoder[_T], data: bytes | str) -> _T:
 
 
 def decode_lines(kind: type[_T], data: bytes, *, first: int = 1) -> list[_T]:
-    """JSON Lines as values of a type; RecordError, its place begins with the line, for others.
+    """JSON Lines as values of a type; the place of a RecordError begins with its line.
 
     first: the number of the first line.
     """

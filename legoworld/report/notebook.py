@@ -53,7 +53,7 @@ def comparison_html(document: Document) -> str:
 
 
 def picture_html(picture_rgb: NDArray[np.uint8], text: str) -> str:
-    """An (H, W, 3) uint8 RGB picture above a line of text. ValueError if not encodable."""
+    """An (H, W, 3) uint8 RGB picture above a line of text. ValueError if that has no PNG."""
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture_rgb[:, :, ::-1]))
     if not done:
         raise ValueError(f"a picture of shape {picture_rgb.shape} cannot be encoded")

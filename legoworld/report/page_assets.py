@@ -15,7 +15,7 @@ _OURS: Final = ("view-*.js", "photo-*.webp", "render-*.webp", "overlay-*.webp", 
 
 
 def refuse_others(path: Path, mark: str) -> None:
-    """LegoWorldError unless a page to be written over is ours and begins with the mark."""
+    """Only a page of ours, which begins with the mark, is written over; else LegoWorldError."""
     if not path.exists():
         return
     start = path.read_bytes()[: len(mark)] if path.is_file() else b""

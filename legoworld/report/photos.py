@@ -61,7 +61,7 @@ def page_photo(photos: Path | None, file_name: str, size_wh: tuple[int, int] | N
 def page_picture(
     path: Path, name: str, size_wh: tuple[int, int] | None = None, *, most_px: int = MOST_PHOTO_PX
 ) -> Photo:
-    """A picture file at most LONGEST_SIDE pixels long, as WebP. LegoWorldError if it cannot be."""
+    """A picture file at most LONGEST_SIDE pixels long, as WebP. LegoWorldError where that fails."""
     try:
         picture = read_photo(path, most_px=most_px, name=path.name)
     except (LegoWorldError, OSError) as error:

@@ -256,7 +256,7 @@ def _entry(grouping: Grouping, seen: View, instance: Instance, reason: str | Non
 
 
 def write_inspection(inspection: Inspection, output: Path, photo: Path | None) -> None:
-    """buffers.npz, instances.json, overlay.png, depth.png. LegoWorldError for another size."""
+    """Write buffers.npz, instances.json, overlay.png, depth.png. LegoWorldError for the photo."""
     buffers = inspection.view.buffers
     ground = instance_picture(buffers.instance) if photo is None else read_photo(photo)
     if ground.shape[:2] != buffers.instance.shape:

@@ -65,7 +65,10 @@ Progress = Callable[[RunRow], None]
 
 
 def selected_images(request: RunRequest) -> list[TrackImage]:
-    """The track's images, or those of --image-id and --limit. UsageError for a foreign id."""
+    """The images to attempt: all of the track's, or those selected by --image-id and --limit.
+
+    Raises UsageError for an id that the track does not have.
+    """
     images = list(request.track.images)
     if request.image_ids:
         known = {image.id for image in images}

@@ -9,7 +9,7 @@ from legoworld.shipped import catalog
 
 
 def shipped_examples(dataset: str) -> tuple[Path, Path]:
-    """The example scenes, and their track for a dataset, else COCO's. InstallationError: none."""
+    """The example scenes, and their track for a dataset, COCO's without. InstallationError."""
     scenes = catalog.folder("examples")
     tracks = catalog.folder("datasets") / "skimage_examples"
     own = f"track_{dataset}.json"

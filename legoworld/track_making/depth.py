@@ -22,8 +22,8 @@ def depth_source(_task: str, folder: Path, options: Mapping[str, Any]) -> Source
     """The public half of a folder of measured depth: ETH3D's layout, or files named like photos.
 
     options: scenes, those to take in ETH3D's layout; dataset, the name of one other than ETH3D;
-    photos, the photos of a folder of depth files. UsageError for others than a folder, and for
-    both.
+    photos, the photos of a folder of depth files. UsageError for a file, and for scenes with
+    photos.
     """
     scenes, dataset, photos = (options.get(name) for name in ("scenes", "dataset", "photos"))
     if not folder.is_dir():

@@ -20,7 +20,7 @@ from legoworld.tracks.source import Source
 
 
 def normals_source(task: str, folder: Path, options: Mapping[str, Any]) -> Source:
-    """The public half of a folder of normals named like the photos. UsageError without either."""
+    """The public half of a folder of normals that are named like the photos. UsageError."""
     photos = options.get("photos")
     if not folder.is_dir() or photos is None:
         raise UsageError(

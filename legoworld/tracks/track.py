@@ -86,7 +86,7 @@ def serves(track: Track, task: str) -> bool:
 
 
 def make_folder_track(scenes: Place) -> Track:
-    """Every folder below SCENES with a scene file, sorted, from 1 on. CatalogError without any."""
+    """Every folder below SCENES with a scene file is an image, in order. CatalogError if none."""
     if isinstance(scenes, str):
         top = PurePosixPath(scenes).name
         folders = folders_holding(scenes, _SCENE_FILES)

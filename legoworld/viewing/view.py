@@ -75,7 +75,7 @@ def view(
 def serving(
     folder: Path, photos: Path | None, scene_folders: Sequence[Path], port: int
 ) -> Iterator[Served]:
-    """A server of a folder that listens and is not run yet; see `view`. UsageError: no folder."""
+    """A server of a folder that listens and is not run yet; see `view`. UsageError."""
     require_http("view")
     from legoworld.bench.http_server import http_server, listening
     from legoworld.viewing.app import ViewApp

@@ -266,7 +266,7 @@ def on_cache_lines(height: int, width: int) -> NDArray[np.uint32]:
 
 
 def level() -> int:
-    """Index of the CPU's best instruction set, or LEVEL_VARIABLE's. LegoWorldError: unknown."""
+    """Index of the instruction set: the CPU's best, or LEVEL_VARIABLE's. LegoWorldError."""
     wanted = os.environ.get(LEVEL_VARIABLE, "")
     best = _best_level()
     if not wanted:

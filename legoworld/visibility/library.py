@@ -118,10 +118,7 @@ def load_library(folder: Path) -> ctypes.CDLL:
 
 
 def open_library(folder: Path, what: str) -> ctypes.CDLL:
-    """The compiled library of a folder; see library(). KernelBuildError: none, old, unusable.
-
-    what: its name in messages.
-    """
+    """The compiled library of a folder; see library(). KernelBuildError, which calls it `what`."""
     path = folder / LIBRARY_NAME
     if not path.is_file():
         raise KernelBuildError(

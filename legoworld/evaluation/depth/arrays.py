@@ -81,7 +81,7 @@ class DepthArray:
 
 
 def in_range(values: NDArray[Any], *, signed: bool) -> Mask:
-    """Where values of any shape are finite, positive unless signed, and float64 holds squares."""
+    """Where values are finite, positive unless signed, and can be squared in float64; any shape."""
     usable: Mask = np.isfinite(values)
     with np.errstate(invalid="ignore"):
         if not signed:
@@ -110,7 +110,7 @@ def checked_array(
     source: str,
     stored: Stored | None = None,
 ) -> DepthArray:
-    """A (H, W) depth array after all checks that need no other file, else DepthFileError."""
+    """(H, W) depth after all checks that need no other file. DepthFileError if any fails."""
     if space not in SPACES:
         raise DepthFileError(
             f"{source} does not say what its numbers are",

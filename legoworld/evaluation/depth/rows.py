@@ -94,7 +94,10 @@ def measure_depth(image: Measuring) -> ImageResult:
 
 
 def camera_warp(camera: Camera | None, truth_wh: tuple[int, int]) -> Warp | None:
-    """From (n, 2) px in a distorted photo to its pinhole's view. ShapeError for another size."""
+    """How positions in the photo of a distorted camera become those in its pinhole's view.
+
+    Both (n, 2) in pixels. Raises ShapeError for a camera whose size is not the truth's.
+    """
     if camera is None:
         return None
     if camera.size_wh != truth_wh:

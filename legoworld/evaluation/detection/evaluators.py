@@ -58,7 +58,7 @@ def run_evaluator(
 ) -> OfficialScores:
     """Score predictions over the images of the ground truth, which are the track's.
 
-    UsageError for hotcoco with boxes in space.
+    Raises UsageError for boxes in space and an evaluator that does not score them.
     """
     with _PRINTING:
         if protocol.iou_type == "bbox3D":

@@ -115,7 +115,10 @@ _SPACE_METRICS: Final = (
 
 @cache
 def detection_protocol(task: str) -> DetectionProtocol:
-    """The rules of a task: LVIS's if its dataset is federated, else COCO's. UsageError: no such."""
+    """The rules of a task of boxes or masks: LVIS's where its dataset is federated, else COCO's.
+
+    Raises UsageError where there is no such task.
+    """
     known = find_task(task)
     if known is None or known.family != DETECTION:
         raise UsageError(

@@ -151,7 +151,10 @@ def _score_ranking(
 def check_agreement(
     scores: OfficialScores, curves: Curves, truth: Truth, protocol: DetectionProtocol
 ) -> None:
-    """EvaluatorDisagreesError unless the recorded matches give the evaluator's numbers."""
+    """Compare an evaluator's numbers with those recomputed from the recorded matches.
+
+    Raises EvaluatorDisagreesError where they differ.
+    """
     frequencies = category_frequencies(truth)
     ours = np.array([metric_value(m, curves, frequencies) for m in protocol.metrics])
     theirs = np.array(scores.official)

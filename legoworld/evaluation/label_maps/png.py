@@ -43,7 +43,7 @@ def read_values(path: Path, error: type[LegoWorldError]) -> NDArray[np.uint8]:
 def check_size(
     path: Path, pixels: NDArray[Any], size_hw: tuple[int, ...], error: type[LegoWorldError]
 ) -> None:
-    """The error for (h, w) pixels of a PNG of another size than it must have."""
+    """The error for a PNG of another size than it must have. pixels: (H, W)."""
     if pixels.shape != size_hw:
         raise error(
             f"{path.name} has another size than its image",

@@ -65,7 +65,7 @@ def measure_segments(item: MapItem) -> Measured:
 def check_answer(
     ids: NDArray[Any], segments: Sequence[AnySegment], category_ids: Sequence[int], name: str
 ) -> Ids:
-    """`places`, (H, W), of an answer that the official script takes, else MapInvalidError."""
+    """(H, W) `places` of an answer that the official script would take, else MapInvalidError."""
     place = places(ids, segments, name, MapInvalidError)
     seen = np.bincount(place.ravel(), minlength=len(segments) + 1)[1:]
     ordered = sorted(segments, key=lambda segment: segment.id)

@@ -105,7 +105,10 @@ def fits_into_memory(path: Path) -> Iterator[None]:
 def picture_name(
     path: Path, contents: Npz, candidates: Sequence[str], noun: str, declaration: str
 ) -> str:
-    """The array's name: the one candidate, or without a choice the only picture. DepthFileError."""
+    """The array's name: one of the candidates; without any, and with a choice, the only picture.
+
+    Raises DepthFileError where that is not one array.
+    """
     present = [name for name in candidates if name in contents.names]
     if not present and len(candidates) > 1 and len(contents.pictures) == 1:
         return contents.pictures[0]
@@ -120,7 +123,7 @@ def picture_name(
 
 
 def text_label(arrays: Mapping[str, NDArray[Any]], name: str, path: Path) -> str | None:
-    """A text stored as a 0-d array; None when absent or empty. DepthFileError for others."""
+    """A text stored as a 0-d array; None when absent or empty. DepthFileError for another array."""
     if name not in arrays:
         return None
     if arrays[name].ndim != 0 or arrays[name].dtype.kind != "U":
@@ -133,7 +136,7 @@ def text_label(arrays: Mapping[str, NDArray[Any]], name: str, path: Path) -> str
 
 
 def merge_declarations(name: str, own: str | None, other: str | None, path: Path) -> str | None:
-    """A file's own declaration or the given one. DepthFileError where they contradict."""
+    """A file's own declaration and the given one; DepthFileError where they contradict."""
     if own is not None and other is not None and own != other:
         raise DepthFileError(
             f"{path.name} has contradictory declarations",
@@ -144,7 +147,7 @@ def merge_declarations(name: str, own: str | None, other: str | None, path: Path
 
 
 def check_version(arrays: Mapping[str, NDArray[Any]], path: Path, latest: int) -> None:
-    """DepthFileError if the 0-d format_version is later; a file without one is of any version."""
+    """DepthFileError unless a 0-d format_version is 1 to latest; a file may be without one."""
     version = arrays.get("format_version")
     if version is None:
         return

@@ -55,7 +55,7 @@ def score_values(
     task: str,
     options: Options,
 ) -> ImageResult:
-    """Score one image, (H, W) or (H, W, 3) as the family has it, in memory; see `score_row`."""
+    """Score one image of arrays in memory, `score_row`. values: (H, W), or (H, W, 3) of normals."""
     row = _truth_row(image, truth, family)
     return _measure_image(row, truth, None, lambda _: family.array(values), family, task, options)
 

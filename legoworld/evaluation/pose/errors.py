@@ -44,7 +44,7 @@ class Photo:
 
 
 def mssd(model: Model, pose: Floats, true: Floats) -> float:
-    """The largest distance of a vertex of a (3, 4) pose from its true place, by best symmetry."""
+    """The largest distance of a vertex from its true place, by best symmetry; poses (3, 4)."""
     mine = transform_points(pose, model.vertices.astype(np.float64))
     return min(_farthest(mine, theirs) for theirs in _alike(model, true))
 
@@ -59,7 +59,7 @@ def mspd(model: Model, pose: Floats, true: Floats, photo: Photo) -> float:
 def vsd(
     model: Model, pose: Floats, true: Floats, photo: Photo, taus: Sequence[float]
 ) -> list[float]:
-    """Visible surface discrepancy of two (3, 4) poses for each tolerance, over the diameter."""
+    """Visible surface discrepancy for each tolerance, over the diameter; poses (3, 4)."""
     measured = _distances(photo.depth_mm, photo.intrinsics)
     mine, theirs = (
         _distances(drawn_depth(model, p, photo), photo.intrinsics) for p in (pose, true)
@@ -99,7 +99,7 @@ def drawn_depth(model: Model, pose: Floats, photo: Photo) -> Floats:
 
 
 def visible_to_bop(photo: Photo, drawn: Floats) -> NDArray[np.bool_]:
-    """(H, W) pixels of a drawn depth (mm) at most 15 mm behind what was measured."""
+    """(H, W) pixels of a drawn model's depth that lie at most 15 mm behind what was measured."""
     k = photo.intrinsics
     return visible_bop19(_distances(photo.depth_mm, k), _distances(drawn, k))
 

@@ -22,7 +22,7 @@ _ENOUGH: Final = 1e-6
 
 
 def median_scaled(reference_z_m: Depth, submitted_z_m: Depth, both: Flags) -> Depth | None:
-    """(H, W) depth times the median of reference / submitted at `both`; None without any point."""
+    """(H, W) depth times the median of reference / submitted where both are points, else None."""
     if not both.any():
         return None
     ratio = reference_z_m[both].astype(np.float64) / submitted_z_m[both]
@@ -69,10 +69,10 @@ class Motion:
 
 
 def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
-    """Rigid motion of (n, 3) points by trimmed ICP (Chetverikov et al. 2002), point to point.
+    """The rigid motion from identity by trimmed ICP (Chetverikov et al. 2002), point to point.
 
-    Every step, from identity, takes the 80 % nearest pairs of 2,000 points of each cloud and solves
-    for the motion (Kabsch 1976). None with fewer than 3 points on either side.
+    (n, 3) and (m, 3) points. Every step takes the 80 % nearest pairs of 2,000 points of each cloud
+    and solves for the motion in closed form (Kabsch 1976). None with fewer than 3 on either side.
     """
     target, source = _thin_points(reference_m), _thin_points(submitted_m)
     if min(len(target), len(source)) < 3:

@@ -53,7 +53,7 @@ def decode_picture(data: bytes) -> Picture:
 
 
 def resize_picture(picture: Picture, size_wh: tuple[int, int]) -> Picture:
-    """(H, W, 3) by Pillow's LANCZOS, as the published evaluator; itself where sizes are equal."""
+    """(H, W, 3) by Pillow's LANCZOS, as the published evaluator's; itself where sizes are equal."""
     height, width = picture.shape[:2]
     if (width, height) == size_wh:
         return picture
@@ -76,7 +76,7 @@ def curve(agreement: Agreement, delta: int) -> dict[str, float]:
 def raster_indices(
     shape: tuple[int, ...], raster_shape: tuple[int, ...]
 ) -> tuple[NDArray[np.intp], ...]:
-    """np.ix_ of (H, 1) rows and (1, W) columns of the raster pixel that has each picture pixel."""
+    """(H, 1) rows and (1, W) columns, to index with, of the raster pixel around each pixel."""
     (height, width), (raster_height, raster_width) = shape, raster_shape
     rows = ((np.arange(height) + 0.5) * raster_height / height).astype(np.intp)
     columns = ((np.arange(width) + 0.5) * raster_width / width).astype(np.intp)

@@ -63,10 +63,10 @@ def scene_flags(
 
 
 def correlation(a: Picture, b: Picture) -> float:
-    """Pearson's r of two (H, W, 3) pictures of one size over all numbers, mirrored or not.
+    """Pearson's r of two pictures of one size over pixels and channels, mirrored or not.
 
-    A mirrored picture on a wall is as much a picture: the largest over both directions. 0 where
-    one of them is flat.
+    Both (H, W, 3). A mirrored picture on a wall is as much a picture: the largest over both
+    directions. 0 where one of them is flat.
     """
     y = b.astype(np.float64).ravel()
     y -= y.mean()
@@ -86,7 +86,10 @@ def scale_flags(
     reference: Picture,
     scales: Sequence[tuple[tuple[int, int], float]],
 ) -> Iterator[Flag]:
-    """Images (n, h, w, 3) that are the reference or its negative in some detail: |r| at sizes."""
+    """Images that are the reference or its negative, in whatever detail: |r| at several sizes.
+
+    thumbnails: (N, h, w, 3), reference: (H, W, 3).
+    """
     for image in facts.images:
         if image.thumbnail is None or image.thumbnail >= len(thumbnails):
             continue

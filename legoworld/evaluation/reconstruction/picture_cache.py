@@ -18,10 +18,10 @@ _FOLDER: Final = "references"
 
 
 def resized_reference(data: bytes, sha256: str, size_wh: tuple[int, int]) -> Picture:
-    """A reference (H, W, 3) at A's size: from the cache by content, size and Pillow's version.
+    """A reference picture at A's size: from the cache by content, size and Pillow's version.
 
-    data: the file's bytes, sha256: theirs. A damaged entry is made again; an unwritable cache
-    costs time alone. PictureError where the bytes are no picture.
+    (H, W, 3). data: the file's bytes, sha256: theirs. A damaged entry is made again; an unwritable
+    cache costs time alone. PictureError where the bytes are no picture.
     """
     key = sha256_of_text(f"{sha256} {size_wh[0]}x{size_wh[1]} {pillow_version}")
     path = default_cache_folder() / _FOLDER / key[:2] / f"{key}.npy"

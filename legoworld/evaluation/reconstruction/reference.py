@@ -124,13 +124,13 @@ def containing_pixels(
 
 
 def kept_depth(depth_z_m: NDArray[Any], limit_m: float) -> Depth:
-    """Float32 of one shape with depth_z_m, +inf where that is no reference point."""
+    """Float32 with +inf where a depth, of any shape, is no reference point."""
     depth = np.ascontiguousarray(depth_z_m, np.float32)
     return np.where(finite_points(depth, limit_m), depth, np.float32(np.inf))
 
 
 def index_labels(instance: NDArray[Any], scored: Sequence[ScoredObject]) -> Labels:
-    """Instance ids as places, of their shape, in a case's scored objects, -1 for every other id."""
+    """Instance ids, any shape, as positions in a case's scored objects, -1 for every other one."""
     ids = np.array([one.id for one in scored], np.int64)
     order = np.argsort(ids)
     place = np.searchsorted(ids[order], instance)
@@ -151,7 +151,7 @@ def _full_size(folders: BenchFolders, case: BenchCase) -> tuple[NDArray[Any], ND
 
 
 def load_checked(path: Path, sha256: str, names: tuple[str, ...] | None) -> dict[str, NDArray[Any]]:
-    """Arrays of any shape in an .npz of a recorded hash, None for all. BenchTruthError."""
+    """Arrays of an .npz whose hash is on record, in their shapes, None for all. BenchTruthError."""
     try:
         digest = sha256_of_file(path)
         if digest == sha256:

@@ -83,7 +83,7 @@ class Evaluation(Generic[S]):
 
 
 def input_file(role: str, path: Path) -> InputFile:
-    """Hash an input, a run's document without its time. EvaluationFolderError: no JSON."""
+    """Hash an input file; a run's own document without its time. EvaluationFolderError."""
     without = excluded_keys(role)
     try:
         sha256, size = hash_and_size(path, without)

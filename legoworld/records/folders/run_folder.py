@@ -82,7 +82,7 @@ def lock_run(folder: Path) -> Iterator[None]:
 
 
 def refuse_strangers(folder: Path) -> None:
-    """ConfigurationMismatchError for a folder of anything but a run, before it is touched."""
+    """ConfigurationMismatchError for a folder of something else than a run, left untouched."""
     if not folder.exists():
         return
     names = [p.name for p in folder.iterdir()]

@@ -110,7 +110,7 @@ def predictions_at(folder: Path, places: Iterable[Places]) -> Iterator[list[str]
     """The predictions of the records at these places of the journal, as canonical JSON each.
 
     They are cut out of the line: reading it as JSON and writing that again would give the same.
-    JournalChangedError for another line there.
+    Raises JournalChangedError where a line is another.
     """
     with (folder / JOURNAL).open("rb") as stream:
         for place in places:

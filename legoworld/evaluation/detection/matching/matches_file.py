@@ -54,7 +54,10 @@ def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[A
 
 
 def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
-    """A policy's table, shapes as packed; the equal one is the own where that was equal already."""
+    """The match table of a policy; the equal one is the own one where that was equal already.
+
+    Shapes as in `MatchTable`.
+    """
     prefix = policy if policy + "state" in arrays else OWN
     return MatchTable(
         image_ids=arrays["image_ids"],
@@ -64,6 +67,6 @@ def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
 
 
 def counts_from(arrays: Arrays, *, class_aware: bool) -> MatchedCounts:
-    """The sums of the score-free numbers from arrays of `pack_matches`' shapes."""
+    """The sums of the score-free numbers, shapes as in `MatchedCounts`."""
     prefix = "aware_" if class_aware else "agnostic_"
     return MatchedCounts(**{name: arrays[prefix + name] for name in _COUNTS})

@@ -68,7 +68,10 @@ def resampled_metrics(
 def single_image_metrics(
     table: MatchTable, protocol: DetectionProtocol, frequencies: NDArray[np.str_]
 ) -> set[str]:
-    """Metrics with truth in fewer than two images, so without a spread. frequencies: (K,)."""
+    """Metrics whose truth lies in fewer than two images: resampling cannot show their spread.
+
+    frequencies: (K,) LVIS's r, c, f.
+    """
     lone = set()
     for metric in protocol.metrics:
         cells = table.n_truths[protocol.grid.areas.index(metric.area)] > 0
