@@ -55,7 +55,7 @@ def without_shape(trees: Mapping[str, ast.Module]) -> tuple[int, list[Function]]
     found = [
         one
         for one in public_functions(trees)
-        if any(names.has_array(one.module, note) for note in annotations(one.node))
+        if any(names.has_array(one.module, note) for note in annotation_nodes(one.node))
     ]
     return len(found), [one for one in found if not SHAPE.search(f"{one.doc}\n{one.class_doc}")]
 
@@ -95,7 +95,7 @@ def _public(module: str, node: ast.AST, prefix: str, class_doc: str) -> Iterator
             yield from _public(module, child, prefix, class_doc)
 
 
-def annotations(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.expr]:
+def annotation_nodes(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.expr]:
     """What a function says of its parameters and of what it returns."""
     a = node.args
     every = (*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg)
@@ -116,10 +116,14 @@ def raised(node: ast.AST, bases: Mapping[str, set[str]]) -> set[str]:
             continue
         inner = raised(child, bases)
         if isinstance(node, ast.Try) and child in node.body:
-            caught = {last_name(n) for h in node.handlers if h.type for n in ast.walk(h.type)}
+            caught = {last_name(n) for h in node.handlers if h.type for n in _parts(h.type)}
             inner = {error for error in inner if not bases[error] & caught}
         errors |= inner
     return errors
+
+
+def _parts(types: ast.expr) -> list[ast.expr]:
+    return types.elts if isinstance(types, ast.Tuple) else [types]
 
 
 def error_bases(trees: Mapping[str, ast.Module]) -> dict[str, set[str]]:

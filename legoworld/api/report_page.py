@@ -32,7 +32,8 @@ def write_report(
     photos; scene_folders: where the scenes lie, for renders and 3D; trials: the page of
     `trajectory_report` that its photos link to; photo: the file name of one, for a small page of it
     alone that links nowhere and holds no others' numbers. The page shows ground truth. An earlier
-    page is replaced; above 500 views or 64 MiB its pictures are in a folder beside it.
+    page is replaced; above 500 views or 64 MiB its pictures are in a folder beside it. UsageError
+    for `photo` with `trials`.
     """
     tops, places = [Path(folder) for folder in folders], [Path(one) for one in scene_folders]
     sources = [one for folder in tops for one in folders_of_tasks(folder, EVIDENCE)]

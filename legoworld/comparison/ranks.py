@@ -77,7 +77,7 @@ def paired_differences(
     resampled: F64 | None,
     interval: Callable[[F64, float], Interval | None],
 ) -> Differences:
-    """The first minus the second of each pair, with the interval of its draws."""
+    """The first minus the second of each pair, with the interval of its (draws,)."""
     found: Differences = {}
     for i, j in pairs:
         value = float(values[i] - values[j])

@@ -74,9 +74,6 @@ def semantic_values(sums: F64, _things: NDArray[np.bool_]) -> dict[str, F64]:
 
 
 def category_values(sums: F64) -> dict[str, F64]:
-    """IoU and accuracy of each class, NaN where its union, or its truth, has no pixel.
-
-    (..., K) each; sums: (..., K, 4).
-    """
+    """(..., K) IoU and accuracy of classes, NaN where union, or truth, has no pixel."""
     hit, truth, answer = (sums[..., k] for k in (1, 2, 3))
     return {"IoU": ratio(hit, truth + answer - hit), "Acc": ratio(hit, truth)}

@@ -127,10 +127,7 @@ def painted_instances(
 def load_classes(
     truth: TrueClasses, ignore: Sequence[int], category_ids: Sequence[int]
 ) -> NDArray[Any]:
-    """(H, W) uint8 category ids of one image, `NO_CLASS` where nothing is scored.
-
-    Raises MapTruthError for values that are no category.
-    """
+    """(H, W) uint8 category ids, `NO_CLASS` where nothing is scored. MapTruthError for others."""
     if isinstance(truth, Painted):
         values = np.full(truth.size_wh[::-1], truth.background, np.uint8)
         for number, mask in truth.masks:

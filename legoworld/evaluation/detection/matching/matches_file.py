@@ -54,10 +54,7 @@ def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[A
 
 
 def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
-    """The match table of a policy; the equal one is the own one where that was equal already.
-
-    Shapes as in `MatchTable`.
-    """
+    """A policy's (A, T, D) match table; the equal one is the own where that was equal already."""
     prefix = policy if policy + "state" in arrays else OWN
     return MatchTable(
         image_ids=arrays["image_ids"],
