@@ -18,7 +18,7 @@ import msgspec
 from legoworld.errors import UsageError
 from legoworld.files import Json
 from legoworld.records.base import RecordError, to_record
-from legoworld.records.plugin_requirements import Requirement
+from legoworld.records.plugin_requirements import AnyRequirement, Requirement
 
 JsonObject = dict[str, Any]
 _T = TypeVar("_T")
@@ -135,7 +135,7 @@ def requirements_page() -> str:
                 default = f"={field.default}" if not field.required else ""
                 taken.append(field.name + default)
         lines += ["", f"## {name}: {', '.join(taken)}", _flat(kind.__doc__)]
-    return "\n".join(lines) + "\n\n" + _flat(KINDS["existence"].__base__.__doc__) + "\n"
+    return "\n".join(lines) + "\n\n" + _flat(AnyRequirement.__doc__) + "\n"
 
 
 def _short(schema: Any, parts: Mapping[str, JsonObject]) -> Any:

@@ -32,6 +32,8 @@ CASES = {
         {"entity": "Lamp", "low_m": [0, 0, 0], "high_m": [1, 1, 1]},
     ),
     "support": ({"entity": "Cup", "on": "Table"}, {"entity": "Cup", "on": "Floor"}, NOBODY),
+    "stability": ({"entity": "Cup"}, {"entity": "Cup", "margin_m": 0.2}, NOBODY),
+    "hidden": ({"entity": "Cup"}, {"entity": "Table", "tolerance": 0.0}, NOBODY),
     "touching": (
         {"entity": "Cup", "on": "Table"},
         {"entity": "Cup", "on": "Floor"},
@@ -139,8 +141,8 @@ def test_every_kind_has_its_cases():
 
 
 #: What has to pass unless it says otherwise; how the picture fits is relative.
-OF_WORLD = {"existence", "valid_transform", "dimensions", "support", "touching", "containment",
-            "collision", "facing", "layout", "visibility"}  # fmt: skip
+OF_WORLD = {"existence", "valid_transform", "dimensions", "support", "stability", "touching",
+            "containment", "collision", "facing", "layout", "visibility", "hidden"}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", CASES)
