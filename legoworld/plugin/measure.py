@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
-import numpy as np
 import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
@@ -173,7 +173,7 @@ class _Measurement(InTheWorld):
         return self._views[entity]
 
     def _values(self, requirement: Requirement) -> Measured:
-        """By the method that has the kind's name. UnknownError where there is nothing to measure."""
+        """By the method of the kind's name. UnknownError where there is nothing to measure."""
         kind = str(requirement.__struct_config__.tag)
         return Measured(*getattr(self, kind)(requirement))
 

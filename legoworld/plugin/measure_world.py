@@ -16,7 +16,6 @@ from legoworld.solids.meshes import own_front, solid_of
 from legoworld.solids.penetration import penetration_m
 from legoworld.solids.support import Rest, rest_on
 
-
 #: What is nearer to the ground than this rests on it: the default tolerance of `support`.
 _CONTACT_M: Final = 0.01
 
