@@ -52,7 +52,10 @@ def measure(
     """
     if isinstance(scene.shown, LegoWorldError):
         size = evidence.size_wh if evidence else size_wh or (0, 0)
-        results = tuple(_of_nothing(requirement, scene.shown) for requirement in requirements)
+        results = tuple(
+            _unmeasured(r, scene.shown.what, fails=isinstance(r, kinds.Existence))
+            for r in requirements
+        )
     else:
         size = evidence.size_wh if evidence else size_wh or scene.snapshot.render.size_wh
         measured = _Measurement(scene, evidence, size)
@@ -73,15 +76,14 @@ def only(report: Report, count: int) -> Report:
     return msgspec.structs.replace(report, results=results, blocked=any(map(blocks, results)))
 
 
-def _of_nothing(requirement: Requirement, why: LegoWorldError) -> Result:
-    """A requirement on a scene without a camera or a surface."""
+def _unmeasured(requirement: Requirement, reason: str, *, fails: bool) -> Result:
     return Result(
         requirement=requirement,
-        verdict="fail" if isinstance(requirement, kinds.Existence) else "unknown",
+        verdict="fail" if fails else "unknown",
         measurement=None,
         residual=None,
         tolerance=_tolerance(requirement),
-        reason=why.what,
+        reason=reason,
     )
 
 
@@ -119,26 +121,17 @@ class _Measurement(InTheWorld):
     def result(self, requirement: Requirement) -> Result:
         tolerance = _tolerance(requirement)
         try:
-            measured = self._values(requirement)
+            value, residual, reason = self._values(requirement)
         except (UnknownError, UnmetError) as error:
-            return Result(
-                requirement=requirement,
-                verdict="unknown" if isinstance(error, UnknownError) else "fail",
-                measurement=None,
-                residual=None,
-                tolerance=tolerance,
-                reason=str(error),
-            )
+            return _unmeasured(requirement, str(error), fails=isinstance(error, UnmetError))
         return Result(
             requirement=requirement,
-            verdict="pass" if measured.residual <= tolerance else "fail",
-            measurement=measured.measurement,
-            residual=measured.residual,
+            verdict="pass" if residual <= tolerance else "fail",
+            measurement=value,
+            residual=residual,
             tolerance=tolerance,
-            reason=measured.reason,
-            correction=self._correction(requirement, measured.measurement)
-            if measured.residual > 0
-            else None,
+            reason=reason,
+            correction=self._correction(requirement, value) if residual > 0 else None,
         )
 
     def _correction(self, requirement: Requirement, measurement: float) -> Correction | None:
