@@ -103,7 +103,7 @@ MOST_LINES = {
     "endpoint": 1450,
     "evaluation": 18100,
     "exports": 1050,
-    "plugin": 6850,
+    "plugin": 6900,
     "readouts": 3200,
     "records": 8150,
     "report": 6680,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
+import msgspec
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError
@@ -16,9 +17,11 @@ from legoworld.plugin import residuals
 from legoworld.plugin.acceptance import blocks
 from legoworld.plugin.corrections import Viewed, is_cut
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.measure_world import InTheWorld, UnknownError, UnmetError
+from legoworld.plugin.measure_world import InTheWorld, Measured, UnknownError, UnmetError
 from legoworld.plugin.small_render import rec709_luma, spread
 from legoworld.plugin.state import LiveScene
+from legoworld.pluralize import first_few
+from legoworld.readouts.filled_view import with_surfaces
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Correction, Report, Requirement, Result
 from legoworld.visibility.camera import projection
@@ -30,6 +33,10 @@ Mask = NDArray[np.bool_]
 
 #: All masks that are kept for the next requirement, at most.
 _MASKS_BYTES: Final = 256 << 20
+#: The fields that can be a tolerance; a kind has at most one of them, and 0 without any.
+_TOLERANCES: Final = (
+    "tolerance", "tolerance_m", "tolerance_deg", "tolerance_px", "slack_m", "ratio",
+)  # fmt: skip
 
 
 def measure(
@@ -45,7 +52,10 @@ def measure(
     """
     if isinstance(scene.shown, LegoWorldError):
         size = evidence.size_wh if evidence else size_wh or (0, 0)
-        results = tuple(_of_nothing(requirement, scene.shown) for requirement in requirements)
+        results = tuple(
+            _unmeasured(r, scene.shown.what, fails=isinstance(r, kinds.Existence))
+            for r in requirements
+        )
     else:
         size = evidence.size_wh if evidence else size_wh or scene.snapshot.render.size_wh
         measured = _Measurement(scene, evidence, size)
@@ -63,18 +73,17 @@ def measure(
 def only(report: Report, count: int) -> Report:
     """A report of the first requirements alone."""
     results = report.results[:count]
-    return replace(report, results=results, blocked=any(map(blocks, results)))
+    return msgspec.structs.replace(report, results=results, blocked=any(map(blocks, results)))
 
 
-def _of_nothing(requirement: Requirement, why: LegoWorldError) -> Result:
-    """A requirement on a scene without a camera or a surface."""
+def _unmeasured(requirement: Requirement, reason: str, *, fails: bool) -> Result:
     return Result(
         requirement=requirement,
-        verdict="fail" if isinstance(requirement, kinds.Existence) else "unknown",
+        verdict="fail" if fails else "unknown",
         measurement=None,
         residual=None,
         tolerance=_tolerance(requirement),
-        reason=why.what,
+        reason=reason,
     )
 
 
@@ -112,23 +121,17 @@ class _Measurement(InTheWorld):
     def result(self, requirement: Requirement) -> Result:
         tolerance = _tolerance(requirement)
         try:
-            measurement, residual = self._values(requirement)
+            value, residual, reason = self._values(requirement)
         except (UnknownError, UnmetError) as error:
-            return Result(
-                requirement=requirement,
-                verdict="unknown" if isinstance(error, UnknownError) else "fail",
-                measurement=None,
-                residual=None,
-                tolerance=tolerance,
-                reason=str(error),
-            )
+            return _unmeasured(requirement, str(error), fails=isinstance(error, UnmetError))
         return Result(
             requirement=requirement,
             verdict="pass" if residual <= tolerance else "fail",
-            measurement=measurement,
+            measurement=value,
             residual=residual,
             tolerance=tolerance,
-            correction=self._correction(requirement, measurement) if residual > 0 else None,
+            reason=reason,
+            correction=self._correction(requirement, value) if residual > 0 else None,
         )
 
     def _correction(self, requirement: Requirement, measurement: float) -> Correction | None:
@@ -162,38 +165,10 @@ class _Measurement(InTheWorld):
             )
         return self._views[entity]
 
-    def _values(self, requirement: Requirement) -> tuple[float, float]:
-        """(measurement, residual); UnknownError where there is nothing to measure."""
-        match requirement:
-            case kinds.Existence():
-                return self.existence(requirement)
-            case kinds.ValidTransform():
-                return self.valid_transform(requirement)
-            case kinds.Dimensions():
-                return self.dimensions(requirement)
-            case kinds.Support():
-                return self.support(requirement)
-            case kinds.Touching():
-                return self.touching(requirement)
-            case kinds.Containment():
-                return self.containment(requirement)
-            case kinds.Collision():
-                return self.collision(requirement)
-            case kinds.Facing():
-                return self.facing(requirement)
-            case kinds.Layout():
-                return self.layout(requirement)
-            case kinds.Visibility():
-                area = int(np.count_nonzero(self.mask(requirement.entity)))
-                return float(area), float(max(0, requirement.area_px - area))
-            case kinds.Depth():
-                return self._depth(requirement)
-            case kinds.DepthOrder():
-                return self._depth_order(requirement)
-            case kinds.Luminance():
-                return self._luminance(requirement)
-            case _:
-                return self._picture(requirement)
+    def _values(self, requirement: Requirement) -> Measured:
+        """By the method of the kind's name. UnknownError where there is nothing to measure."""
+        kind = str(requirement.__struct_config__.tag)
+        return Measured(*getattr(self, kind)(requirement))
 
     # In the picture.
 
@@ -230,22 +205,51 @@ class _Measurement(InTheWorld):
             )
         return self._measured[entity, region]
 
-    def _picture(
-        self, requirement: kinds.Centroid | kinds.Extent | kinds.Overlap | kinds.Boundary
-    ) -> tuple[float, float]:
+    def visibility(self, requirement: kinds.Visibility) -> tuple[float, float]:
+        area = int(np.count_nonzero(self.mask(requirement.entity)))
+        return float(area), float(max(0, requirement.area_px - area))
+
+    def hidden(self, requirement: kinds.Hidden) -> Measured:
+        own = np.flatnonzero(self.surfaces(requirement.entity))
+        alone = replace(self.scene, shown=with_surfaces(self.scene.snapshot, own))
+        whole = surface_view(alone, self.size_wh).instance >= 0
+        if (area := int(np.count_nonzero(whole))) < residuals.SMALLEST_PX:
+            raise UnknownError(f"it has {area} pixels in the picture, fewer than 16")
+        unseen = whole & ~self.mask(requirement.entity)
+        if requirement.other is not None:
+            unseen &= self.mask(requirement.other)
+        share = int(np.count_nonzero(unseen)) / area
+        shot, hiding = self.scene.snapshot, self.buffers.instance[unseen]
+        owners = shot.occurrence_object[shot.surface_occurrence[hiding[hiding >= 0]]]
+        found, pixels = np.unique(owners, return_counts=True)
+        named = [
+            f"{shot.objects[found[k]].name} {pixels[k]} px"
+            for k in np.argsort(-pixels, kind="stable")
+        ]
+        return Measured(share, share, first_few(named, 5) or None)
+
+    def centroid(self, requirement: kinds.Centroid) -> tuple[float, float]:
         shapes = self._shapes(requirement.entity, requirement.region)
-        if isinstance(requirement, kinds.Centroid):
-            offset = math.hypot(*residuals.centroid_offset(*shapes, self.size_wh))
-            return offset, offset
-        if isinstance(requirement, kinds.Extent):
-            worst = max(map(abs, residuals.extent_ratio(*shapes)))
-            return worst, worst
-        mask, region = self.mask(requirement.entity), self.region(requirement.region)
-        if isinstance(requirement, kinds.Overlap):
-            iou = residuals.overlap(mask, region)
-            return iou, 1.0 - iou
-        distance = residuals.boundary_distance_px(mask, region)
+        offset = math.hypot(*residuals.centroid_offset(*shapes, self.size_wh))
+        return offset, offset
+
+    def extent(self, requirement: kinds.Extent) -> tuple[float, float]:
+        shapes = self._shapes(requirement.entity, requirement.region)
+        worst = max(map(abs, residuals.extent_ratio(*shapes)))
+        return worst, worst
+
+    def overlap(self, requirement: kinds.Overlap) -> tuple[float, float]:
+        iou = residuals.overlap(*self._large_masks(requirement.entity, requirement.region))
+        return iou, 1.0 - iou
+
+    def boundary(self, requirement: kinds.Boundary) -> tuple[float, float]:
+        masks = self._large_masks(requirement.entity, requirement.region)
+        distance = residuals.boundary_distance_px(*masks)
         return distance, distance
+
+    def _large_masks(self, entity: str, region: str) -> tuple[Mask, Mask]:
+        self._shapes(entity, region)
+        return self.mask(entity), self.region(region)
 
     # Depth and light.
 
@@ -262,7 +266,7 @@ class _Measurement(InTheWorld):
             raise UnknownError("the evidence has no depth")
         return self.evidence.disparity
 
-    def _depth(self, requirement: kinds.Depth) -> tuple[float, float]:
+    def depth(self, requirement: kinds.Depth) -> tuple[float, float]:
         own = [region for entity, region in requirement.matched if entity == requirement.entity]
         if not own:
             raise UnknownError(f"{requirement.entity!r} is not among the matched")
@@ -277,7 +281,7 @@ class _Measurement(InTheWorld):
             raise UnknownError("fewer than 16 pixels have both depths")
         return log, abs(log)
 
-    def _depth_order(self, requirement: kinds.DepthOrder) -> tuple[float, float]:
+    def depth_order(self, requirement: kinds.DepthOrder) -> tuple[float, float]:
         pairs = [self._pair(*match) for match in requirement.matched]
         known = [pair for pair in pairs if pair is not None]
         if len(known) < len(pairs):
@@ -287,7 +291,7 @@ class _Measurement(InTheWorld):
         share, tau = residuals.inversions([p[0] for p in known], [p[1] for p in known])
         return tau, share
 
-    def _luminance(self, requirement: kinds.Luminance) -> tuple[float, float]:
+    def luminance(self, requirement: kinds.Luminance) -> tuple[float, float]:
         region = self.region(requirement.region)
         if self.evidence is None or self.evidence.photo is None:
             raise UnknownError("the photo itself is not there: serve with --photo")
@@ -308,18 +312,4 @@ def _large_shape(pixels: Mask, whose: str) -> residuals.Shape:
 
 
 def _tolerance(requirement: Requirement) -> float:
-    match requirement:
-        case kinds.Support() | kinds.Touching():
-            return requirement.tolerance_m
-        case kinds.Collision():
-            return requirement.slack_m
-        case kinds.Facing():
-            return requirement.tolerance_deg
-        case kinds.Boundary():
-            return requirement.tolerance_px
-        case kinds.ValidTransform():
-            return requirement.ratio
-        case kinds.Existence() | kinds.Dimensions() | kinds.Containment() | kinds.Visibility():
-            return 0.0
-        case _:
-            return requirement.tolerance
+    return float(next((getattr(requirement, n) for n in _TOLERANCES if hasattr(requirement, n)), 0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,10 @@ from legoworld.records import plugin_requirements as kinds
 from legoworld.solids import hulls
 from legoworld.solids.meshes import own_front, solid_of
 from legoworld.solids.penetration import penetration_m
-from legoworld.solids.support import rest_on
+from legoworld.solids.support import Rest, rest_on
+
+#: What is nearer to the ground than this rests on it: the default tolerance of `support`.
+_CONTACT_M: Final = 0.01
 
 
 class UnknownError(Exception):
@@ -22,6 +26,14 @@ class UnknownError(Exception):
 
 class UnmetError(Exception):
     """A requirement fails without a number: what it measures is not there; the text says what."""
+
+
+class Measured(NamedTuple):
+    """What measuring gave. reason: what the measurement counts, if it has names."""
+
+    measurement: float
+    residual: float
+    reason: str | None = None
 
 
 class InTheWorld:
@@ -75,18 +87,28 @@ class InTheWorld:
         return float(sides[worst]), float(outside[worst])
 
     def support(self, requirement: kinds.Support) -> tuple[float, float]:
-        """The least gap to what is below, metres; below 0 where it is sunk in. UnmetError."""
-        own = self.surfaces(requirement.entity)
-        triangles = self.entities.triangles_m(own)
-        below = (
-            self._around(own) if requirement.on is None else self.surfaces(requirement.on) & ~own
-        )
-        rest = rest_on(triangles, self.entities.triangles_m(below))
-        if rest is None:
-            raise UnmetError("nothing is below it")
+        """The least gap to what is below, metres, below 0 where sunk in. UnmetError off balance."""
+        rest = self._rest(requirement)
         if abs(rest.gap_m) <= requirement.tolerance_m and not rest.balanced:
             raise UnmetError("its centre of mass is not above what it rests on")
         return rest.gap_m, abs(rest.gap_m)
+
+    def stability(self, requirement: kinds.Stability) -> tuple[float, float]:
+        """Of its centre of mass inside of its support, metres; UnmetError above nothing or air."""
+        rest = self._rest(requirement)
+        if abs(rest.gap_m) > _CONTACT_M:
+            raise UnmetError(f"it rests on nothing: the gap below it is {rest.gap_m:.3g} m")
+        return rest.margin_m, max(0.0, requirement.margin_m - rest.margin_m)
+
+    def _rest(self, requirement: kinds.Support | kinds.Stability) -> Rest:
+        own = self.surfaces(requirement.entity)
+        below = (
+            self._around(own) if requirement.on is None else self.surfaces(requirement.on) & ~own
+        )
+        rest = rest_on(self.entities.triangles_m(own), self.entities.triangles_m(below))
+        if rest is None:
+            raise UnmetError("nothing is below it")
+        return rest
 
     def touching(self, requirement: kinds.Touching) -> tuple[float, float]:
         """The least distance of its surface to another's, metres; 0 in contact. UnmetError."""

@@ -16,10 +16,10 @@ from legoworld.plugin.modules import MODULES, tools_off
 from legoworld.plugin.tool_answers import brief, cut_answer, page_start
 from legoworld.plugin.tool_schemas import (
     answer_schema,
-    argument_schema,
     decode_arguments,
     one_of,
     requirements_page,
+    shown_schema,
 )
 from legoworld.plugin.tools import TOOLS, Served
 from legoworld.records.plugin_install import Module
@@ -105,7 +105,7 @@ class _Desk:
                     name=tool.name,
                     title=tool.title,
                     description=tool.says,
-                    input_schema=argument_schema(tool.arguments, in_full=tool.name == "measure"),
+                    input_schema=shown_schema(tool.name, tool.arguments),
                     output_schema=None if tool.answer is None else answer_schema(tool.answer),
                     annotations=types.ToolAnnotations(
                         read_only_hint="reads" in tool.hints,

@@ -1,7 +1,7 @@
 """JSON Schemas of the tools' arguments and answers, from their records; arguments decoded by them.
 
-A model reads the schemas of arguments with every request, so they are short: no titles, no nulls,
-and the arguments of requirements once, beside a union that says which kind needs which.
+A model reads the schemas of arguments with every request, so they are short: no titles, nulls and
+ranges, and the arguments of requirements once, beside a union that says which kind needs which.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import msgspec
 from legoworld.errors import UsageError
 from legoworld.files import Json
 from legoworld.records.base import RecordError, to_record
-from legoworld.records.plugin_requirements import Requirement
+from legoworld.records.plugin_requirements import AnyRequirement, Requirement
 
 JsonObject = dict[str, Any]
 _T = TypeVar("_T")
@@ -29,10 +29,12 @@ KINDS: Final[Mapping[str, type[msgspec.Struct]]] = {
     str(kind.__struct_config__.tag): kind for kind in get_args(Requirement)
 }
 _REQUIREMENTS: Final = "requirements"
+#: The tool that shows an argument of several whole.
+_SHOWN_BY: Final = {_REQUIREMENTS: "measure", "structures": "initialize"}
+_RANGES: Final = {"exclusiveMinimum", "minimum", "minItems", "pattern"}
 _REFERENCE: Final = "#/$defs/{name}"
 #: What every kind takes.
 _OF_ALL: Final = ("hard", "accept")
-_UNITS: Final = {"_m": "metres", "_deg": "degrees", "_px": "pixels"}
 _NULL: Final = {"type": "null"}
 _UNSAID: Final = ("title", "default")
 _DROPPED: Final = ("title", "default", "minLength", "maxLength", "maxItems")
@@ -74,15 +76,38 @@ def _answered(schema: Any) -> Any:
 
 
 @cache
-def argument_schema(record: type[msgspec.Struct], *, in_full: bool = False) -> JsonObject:
-    """What a tool takes. in_full: with the union of requirements, else only that they are."""
+def shown_schema(tool: str, record: type[msgspec.Struct]) -> JsonObject:
+    """What a tool takes, as a model reads it: what another tool shows whole is "as of" it.
+
+    Without ranges, which an error names: few calls are outside of them.
+    """
+    schema = argument_schema(record)
+    shown = {name: _unranged(of) for name, of in schema["properties"].items()}
+    for name, by in _SHOWN_BY.items():
+        if name in shown and by != tool:
+            kind = {k: v for k, v in shown[name].items() if k in ("type", "items")}
+            shown[name] = {**kind, "description": f"as of {by}"}
+        elif name in shown and name == _REQUIREMENTS:
+            shown[name] = {"type": "array", "items": _unranged(_requirement_schema())}
+    return {**schema, "properties": shown}
+
+
+def _unranged(schema: Any) -> Any:
+    if not isinstance(schema, dict):
+        return schema
+    fixed = "minItems" in schema and "maxItems" in schema
+    dropped = _RANGES - {"minItems"} if fixed else _RANGES
+    return {key: _unranged(value) for key, value in schema.items() if key not in dropped}
+
+
+@cache
+def argument_schema(record: type[msgspec.Struct]) -> JsonObject:
+    """What a tool takes, with ranges; of requirements only that they are objects."""
     (_,), parts = msgspec.json.schema_components([record], ref_template=_REFERENCE)
     schema: JsonObject = _short(parts[record.__name__], parts)
     schema.pop("description", None)
     if _REQUIREMENTS in schema["properties"]:
-        items = _requirement_schema() if in_full else {"type": "object", "required": ["kind"]}
-        said = {} if in_full else {"description": "as of measure"}
-        schema["properties"][_REQUIREMENTS] = {"type": "array", **said, "items": items}
+        schema["properties"][_REQUIREMENTS] = {"type": "array", "items": {"type": "object"}}
     return schema
 
 
@@ -90,7 +115,7 @@ def argument_schema(record: type[msgspec.Struct], *, in_full: bool = False) -> J
 def _requirement_schema() -> JsonObject:
     """All kinds: the properties of any, and a union by kind of what is needed."""
     shared: dict[str, JsonObject] = {}
-    defaults: dict[str, list[str]] = {}
+    defaults: dict[str, dict[str, list[str]]] = {}
     union: dict[tuple[str, ...], list[str]] = {}
     for name, kind in KINDS.items():
         own = kind_schema(kind)
@@ -102,11 +127,10 @@ def _requirement_schema() -> JsonObject:
             shared[field.name] = {k: v for k, v in known.items() if schema.get(k) == v}
             if field.name not in (*needed, *_OF_ALL):
                 value = "" if field.default is None else f" {field.default:g}"
-                defaults.setdefault(field.name, []).append(name + value)
-    for field_name, schema in shared.items():
-        unit = [unit for suffix, unit in _UNITS.items() if field_name.endswith(suffix)]
-        if said := "; ".join([*unit, ", ".join(defaults.get(field_name, []))]).strip("; "):
-            shared[field_name] = {**schema, "description": said}
+                defaults.setdefault(field.name, {}).setdefault(value, []).append(name)
+    for field_name, values in defaults.items():
+        said = "; ".join(", ".join(names) + value for value, names in values.items())
+        shared[field_name] = {**shared[field_name], "description": said}
     options = [
         {
             "properties": {"kind": {"const": names[0]} if len(names) == 1 else {"enum": names}},
@@ -135,7 +159,7 @@ def requirements_page() -> str:
                 default = f"={field.default}" if not field.required else ""
                 taken.append(field.name + default)
         lines += ["", f"## {name}: {', '.join(taken)}", _flat(kind.__doc__)]
-    return "\n".join(lines) + "\n\n" + _flat(KINDS["existence"].__base__.__doc__) + "\n"
+    return "\n".join(lines) + "\n\n" + _flat(AnyRequirement.__doc__) + "\n"
 
 
 def _short(schema: Any, parts: Mapping[str, JsonObject]) -> Any:
@@ -145,7 +169,8 @@ def _short(schema: Any, parts: Mapping[str, JsonObject]) -> Any:
     if not isinstance(schema, dict):
         return schema
     if "$ref" in schema:
-        return _short(parts[schema["$ref"].rpartition("/")[2]], parts)
+        named = parts[schema["$ref"].rpartition("/")[2]]
+        return _short({key: value for key, value in named.items() if key != "description"}, parts)
     if "anyOf" in schema:
         options = [o for o in schema["anyOf"] if o != _NULL]
         if len(options) == 1:

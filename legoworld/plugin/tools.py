@@ -193,37 +193,37 @@ def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
 _READS: Final = ("reads", "again")
 #: In the order of a case.
 TOOLS: Final = (
-    Tool("reference_evidence", "What the photo says", "Regions of the photo, its depth and camera.",
+    Tool("reference_evidence", "What the photo says", "Regions, depth and camera of the photo.",
          calls.NoArguments, calls.EvidenceAnswer, _reference_evidence, _READS),
-    Tool("initialize", "Install room and camera", "Recover room and camera from the photo; install "
-         "both as one transaction. structures: by region, what it shows.",
+    Tool("initialize", "Install room and camera", "Install room and camera, recovered from the "
+         "photo. structures: by region, what it shows.",
          calls.InitializeArguments, calls.InitializeAnswer, _initialize, ("to its end",)),
     Tool("plan", "Construction plan", "Place, extent, relative depth of each object in the photo.",
          calls.PlanArguments, calls.PlanAnswer, _plan, _READS),
-    Tool("measure", "Measure requirements", "Pass, fail or unknown of each requirement on the "
-         "scene as it is, with residual and correction. entity: an object with its children, or a "
-         "collection. legoworld://requirements explains the kinds.",
+    Tool("measure", "Measure requirements", "Pass, fail or unknown of each requirement, with "
+         "residual and correction. entity: object with children, or collection. "
+         "legoworld://requirements explains the kinds.",
          calls.MeasureArguments, calls.ReportAnswer, _measure, _READS),
-    Tool("begin", "Begin an edit", "Before an edit: what may change and how, what may not, what "
-         "has to hold after.", Declaration, calls.BeginAnswer, _begin),
-    Tool("status", "Where the case stands", "Whether a transaction is open, and its number.",
+    Tool("begin", "Begin an edit", "Before an edit: what may change, what has to hold after.",
+         Declaration, calls.BeginAnswer, _begin),
+    Tool("status", "Where the case stands", "Whether a transaction is open.",
          calls.NoArguments, calls.StatusAnswer, _status, _READS),
-    Tool("diff", "Changes so far", "Every change since the transaction began.",
+    Tool("diff", "Changes so far", "Changes since begin.",
          calls.NoArguments, calls.DiffAnswer, _diff, _READS),
     Tool("commit", "Judge the edit", "Accept the edit if it was declared and nothing got worse; "
          "else it stays open.", calls.TransactionArguments, calls.CommitAnswer, _commit),
-    Tool("rollback", "Take the edit back", "Return to the scene of before the transaction.",
+    Tool("rollback", "Take the edit back", "Return to the scene at begin.",
          calls.TransactionArguments, calls.RollbackAnswer, _rollback, ("undoes", "to its end")),
-    Tool("validate", "Measure all that was required", "Measure all that committed transactions "
-         "required, and more.", calls.ValidateArguments, calls.ReportAnswer, _validate, _READS),
-    Tool("look", "Look from any side", "A picture of the scene as it is now. beside: the photo, or "
-         "the scene at begin, and the difference (red is brighter, blue darker). draw: geometry "
-         "needs no light.", Looking, None, _look, _READS),
-    Tool("review", "Look at the scene", "Without arguments a render beside the photo; then call it "
-         "with its render_sha256 and your findings, [] for none.",
+    Tool("validate", "Measure all that was required", "Measure all that commits required, and "
+         "more.", calls.ValidateArguments, calls.ReportAnswer, _validate, _READS),
+    Tool("look", "Look from any side", "A picture of the scene. around: an entity fills it. "
+         "beside: the photo, or the scene at begin, and the difference (red brighter, blue "
+         "darker). geometry needs no light.", Looking, None, _look, _READS),
+    Tool("review", "Look at the scene", "A render beside the photo; then again with its "
+         "render_sha256 and findings, [] for none.",
          calls.ReviewArguments, None, _review),
-    Tool("export", "Write the result", "Write scene.blend, scene.glb and renders into the case's "
-         "folder.", calls.NoArguments, calls.ExportAnswer, _export, ("again",)),
+    Tool("export", "Write the result", "Write scene.blend, scene.glb and renders.",
+         calls.NoArguments, calls.ExportAnswer, _export, ("again",)),
     Tool("history", "What was called", "The last calls.",
          calls.HistoryArguments, calls.HistoryAnswer, _history, _READS),
     Tool("more", "The next page", "The rest of an answer with next_cursor.",

@@ -14,7 +14,7 @@ Positive = Annotated[float, Meta(gt=0)]
 Share = Annotated[float, Meta(ge=0, le=1)]
 
 
-class _Requirement(Record, frozen=True, kw_only=True, tag_field="kind"):
+class AnyRequirement(Record, frozen=True, kw_only=True, tag_field="kind"):
     """hard: what is not accepted blocks; otherwise it warns.
 
     accept: when a transaction may be committed. passes: within the tolerance. improves, not_worse:
@@ -27,138 +27,148 @@ class _Requirement(Record, frozen=True, kw_only=True, tag_field="kind"):
     accept: Literal["passes", "improves", "not_worse"] | None = None
 
 
-class Existence(_Requirement, frozen=True, kw_only=True, tag="existence"):
+class _OfEntity(AnyRequirement, frozen=True, kw_only=True):
+    entity: Entity
+
+
+class _OnAnother(_OfEntity, frozen=True, kw_only=True):
+    on: Entity | None = None
+
+
+class _InRegion(_OfEntity, frozen=True, kw_only=True):
+    region: str
+
+
+class Existence(_OfEntity, frozen=True, kw_only=True, tag="existence"):
     """The entity is in the scene and has a surface that renders."""
 
-    entity: Entity
 
-
-class ValidTransform(_Requirement, frozen=True, kw_only=True, tag="valid_transform"):
+class ValidTransform(_OfEntity, frozen=True, kw_only=True, tag="valid_transform"):
     """Placements are finite and neither flat nor mirrored; ratio: largest over smallest scale."""
 
-    entity: Entity
     ratio: Positive = 100.0
 
 
-class Dimensions(_Requirement, frozen=True, kw_only=True, tag="dimensions"):
+class Dimensions(_OfEntity, frozen=True, kw_only=True, tag="dimensions"):
     """The sides of the entity's axis-aligned world box, metres, lie between low and high."""
 
-    entity: Entity
     low_m: tuple[float, float, float]
     high_m: tuple[float, float, float]
 
 
-class Support(_Requirement, frozen=True, kw_only=True, tag="support"):
+class Support(_OnAnother, frozen=True, kw_only=True, tag="support"):
     """Straight below the entity's lowest points, another surface is within tolerance_m.
 
     on: the entity that must carry it, null for any.
     """
 
-    entity: Entity
-    on: Entity | None = None
     tolerance_m: Positive = 0.01
 
 
-class Touching(_Requirement, frozen=True, kw_only=True, tag="touching"):
+class Stability(_OnAnother, frozen=True, kw_only=True, tag="stability"):
+    """It rests on a surface, with its centre of mass margin_m inside the edge of its support.
+
+    The support is the convex hull, seen from above, of where it is in contact. on: as of support.
+    """
+
+    margin_m: Annotated[float, Meta(ge=0)] = 0.0
+
+
+class Touching(_OnAnother, frozen=True, kw_only=True, tag="touching"):
     """The entity's surface is within tolerance_m of another: it hangs on a wall, say.
 
     on: what it must touch (the wall, the ceiling), null for anything; what touches nothing floats.
     """
 
-    entity: Entity
-    on: Entity | None = None
     tolerance_m: Positive = 0.01
 
 
-class Containment(_Requirement, frozen=True, kw_only=True, tag="containment"):
+class Containment(_OfEntity, frozen=True, kw_only=True, tag="containment"):
     """At least `share` of the entity's vertices lie in the convex hull of `inside`."""
 
-    entity: Entity
     inside: Entity
     share: Share = 1.0
 
 
-class Collision(_Requirement, frozen=True, kw_only=True, tag="collision"):
+class Collision(_OfEntity, frozen=True, kw_only=True, tag="collision"):
     """Two entities do not reach into each other by more than slack_m."""
 
-    entity: Entity
     other: Entity
     slack_m: Positive = 0.005
 
 
-class Facing(_Requirement, frozen=True, kw_only=True, tag="facing"):
+class Facing(_OfEntity, frozen=True, kw_only=True, tag="facing"):
     """Seen from above, the entity's front (its own -Y axis, as in Blender) points at another."""
 
-    entity: Entity
     towards: Entity
     tolerance_deg: Positive = 15.0
 
 
-class Layout(_Requirement, frozen=True, kw_only=True, tag="layout"):
+class Layout(AnyRequirement, frozen=True, kw_only=True, tag="layout"):
     """Entities in a row: their centres step evenly, within `tolerance` of the mean step."""
 
     entities: Annotated[tuple[Entity, ...], Meta(min_length=3, max_length=1000)]
     tolerance: Positive = 0.1
 
 
-class Visibility(_Requirement, frozen=True, kw_only=True, tag="visibility"):
+class Visibility(_OfEntity, frozen=True, kw_only=True, tag="visibility"):
     """The camera sees at least area_px pixels of the entity, at the photo's size."""
 
-    entity: Entity
     area_px: Annotated[int, Meta(ge=1)] = 16
 
 
-class Centroid(_Requirement, frozen=True, kw_only=True, tag="centroid"):
+class Hidden(_OfEntity, frozen=True, kw_only=True, tag="hidden"):
+    """At most `tolerance` of the entity's pixels in the picture are hidden by something else.
+
+    other: by this entity, null for anything. The reason names what hides it, with the pixels.
+    """
+
+    other: Entity | None = None
+    tolerance: Share = 0.5
+
+
+class Centroid(_InRegion, frozen=True, kw_only=True, tag="centroid"):
     """Centroids of visible mask and region: (du / W, dv / H), its length within tolerance."""
 
-    entity: Entity
-    region: str
     tolerance: Positive = 0.02
 
 
-class Extent(_Requirement, frozen=True, kw_only=True, tag="extent"):
+class Extent(_InRegion, frozen=True, kw_only=True, tag="extent"):
     """Extents of visible mask and region: the larger |log| of the width and height ratios."""
 
-    entity: Entity
-    region: str
     tolerance: Positive = 0.10
 
 
-class Overlap(_Requirement, frozen=True, kw_only=True, tag="overlap"):
+class Overlap(_InRegion, frozen=True, kw_only=True, tag="overlap"):
     """IoU of visible mask and region; the residual is 1 - IoU."""
 
-    entity: Entity
-    region: str
     tolerance: Positive = 0.5
 
 
-class Boundary(_Requirement, frozen=True, kw_only=True, tag="boundary"):
+class Boundary(_InRegion, frozen=True, kw_only=True, tag="boundary"):
     """Mean distance of both outlines to each other, pixels."""
 
-    entity: Entity
-    region: str
     tolerance_px: Positive = 8.0
 
 
-class Depth(_Requirement, frozen=True, kw_only=True, tag="depth"):
+class Depth(_OfEntity, frozen=True, kw_only=True, tag="depth"):
     """Depth of the entity under the photo's relative depth, after one fit over `matched`.
 
     matched: pairs of entity and region, this one among them; at least three are needed.
     """
 
-    entity: Entity
     matched: tuple[tuple[Entity, str], ...]
     tolerance: Positive = 0.10
 
 
-class DepthOrder(_Requirement, frozen=True, kw_only=True, tag="depth_order"):
+class DepthOrder(AnyRequirement, frozen=True, kw_only=True, tag="depth_order"):
     """Entities stand in the regions' order of depth; the residual is the share of inversions."""
 
     matched: Annotated[tuple[tuple[Entity, str], ...], Meta(min_length=2)]
     tolerance: Annotated[float, Meta(ge=0)] = 0.0
 
 
-class Luminance(_Requirement, frozen=True, kw_only=True, tag="luminance"):
+class Luminance(AnyRequirement, frozen=True, kw_only=True, tag="luminance"):
     """Mean Rec. 709 luma over the region: of the photo and of a small fixed render."""
 
     region: str
@@ -170,12 +180,14 @@ Requirement = (
     | ValidTransform
     | Dimensions
     | Support
+    | Stability
     | Touching
     | Containment
     | Collision
     | Facing
     | Layout
     | Visibility
+    | Hidden
     | Centroid
     | Extent
     | Overlap
@@ -207,6 +219,7 @@ class Result(Record, frozen=True, kw_only=True):
     is required, in the unit of the tolerance. The verdict is pass exactly when the residual is at
     most the tolerance. Both are null where there is nothing to measure; `reason` then says why, and
     the verdict is unknown, or fail where that itself breaks the requirement (nothing below it).
+    Beside a measurement, `reason` names what it counts (what hides an entity).
     correction: where one is known and the residual is above 0.
     """
 

@@ -30,11 +30,22 @@ class Rest:
     """Support of an entity. gap_m: to the surface below; negative if it penetrates.
 
     balanced: whether its centre of mass is above the convex hull of its contact, to 1/64 of its
-    size.
+    size. contact: (C, 2) x and y where it rests, and what is between them does not matter; centre:
+    (2,) of its centre of mass.
     """
 
     gap_m: float
     balanced: bool
+    contact: Points
+    centre: Points
+
+    @property
+    def margin_m(self) -> float:
+        """How far inside the hull of its contact the centre of mass is; outside of it below 0."""
+        import cv2
+
+        hull = cv2.convexHull((self.contact - self.centre).astype(np.float32))
+        return float(cv2.pointPolygonTest(hull, (0.0, 0.0), measureDist=True))
 
 
 def rest_on(own: Triangles, below: Triangles) -> Rest | None:
@@ -59,7 +70,9 @@ def rest_on(own: Triangles, below: Triangles) -> Rest | None:
     height = float(np.ptp(own[:, :, 2]))
     contact = _outermost(gaps <= least + min(_BAND_M, _BAND_SHARE * height), x, y)
     half = np.ptp(own[:, :, :2].reshape(-1, 2), axis=0) / (2 * _LINES)
-    return Rest(gap_m=least, balanced=_above(centre_of_mass(own)[:2], contact, half))
+    centre = centre_of_mass(own)[:2]
+    balanced = _above(centre, contact, half)
+    return Rest(gap_m=least, balanced=balanced, contact=contact, centre=centre)
 
 
 def centre_of_mass(triangles: Triangles) -> Points:

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from plugin.live_room import moved
 
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure import measure, surface_view
@@ -16,6 +17,9 @@ from legoworld.records.plugin_evidence import CameraEvidence, EvidenceFile, Phot
 from legoworld.records.plugin_requirements import Report
 from legoworld.running.inspection import label, look, open_scene
 from legoworld.scene.folder import SceneFolder
+from legoworld.scene.instances import group
+from legoworld.scene.labels import Labels
+from legoworld.visibility.view import view
 
 pytestmark = pytest.mark.blender
 
@@ -191,6 +195,44 @@ def test_a_gap_below_is_measured(live):
     )
     assert one(scene, kinds.Support(entity="Cup", on="Floor")).measurement == pytest.approx(0.75)
     assert one(scene, kinds.Collision(entity="Table", other="Floor")).verdict == "pass"
+
+
+@pytest.mark.parametrize(("by_m", "margin_m"), [(0, 0.1), (0.9, 0.1), (0.95, 0.05), (1.05, -0.05)])
+def test_stability_is_the_way_from_the_centre_of_mass_to_the_edge_of_what_carries_it(
+    live, by_m, margin_m
+):
+    """The cup is 0.2 m wide, and the table ends 1 m beside its middle."""
+    result = one(moved(live("none"), "Cup", (by_m, 0, 0)), kinds.Stability(entity="Cup"))
+    assert result.measurement == pytest.approx(margin_m, abs=0.2 / 64)
+    assert result.residual == max(0.0, -result.measurement)
+    assert result.verdict == ("fail" if margin_m < 0 else "pass")
+
+
+def test_what_floats_has_no_stability(live):
+    result = one(moved(live("none"), "Cup", (0, 0, 0.02)), kinds.Stability(entity="Cup"))
+    assert (result.verdict, result.measurement) == ("fail", None)
+    assert result.reason == "it rests on nothing: the gap below it is 0.02 m"
+
+
+def test_what_hides_an_entity_is_named_with_its_pixels(live):
+    """As the kernel's layers of all objects count them."""
+    shot = live("none").snapshot
+    grouping = group(shot, Labels(objects={}, collections={}, warnings=()))
+    amodal = view(shot, grouping, SIZE).amodal()
+    ids = {i.name: i.id for i in grouping.instances}
+    by_id = amodal.occluders.by_hidden()[ids["Table"]]
+    pixels = {name: by_id[i] for name, i in ids.items() if i in by_id}
+    assert set(pixels) == {"Cup", "Chair"}
+    area = int(amodal.in_frame_px[ids["Table"]])
+    hidden = one(live("none"), kinds.Hidden(entity="Table"))
+    assert hidden.measurement == sum(pixels.values()) / area
+    most_first = sorted(pixels, key=lambda name: -pixels[name])
+    assert hidden.reason == ", ".join(f"{name} {pixels[name]} px" for name in most_first)
+    for name, n in pixels.items():
+        by_one = one(live("none"), kinds.Hidden(entity="Table", other=name))
+        assert (by_one.measurement, by_one.reason) == (n / area, f"{name} {n} px")
+    free = one(live("none"), kinds.Hidden(entity="Chair"))
+    assert (free.measurement, free.reason) == (0.0, None)
 
 
 def test_a_report_is_read_back_whole(live, evidence):

@@ -638,7 +638,7 @@ def test_a_result_has_a_correction_from_any_residual_on(residual, verdict, corre
     monkeypatch.setattr(measure, "_tolerance", lambda _: 0.02)
     asked = Centroid(entity="cup", region="cup")
     stood_in: Any = SimpleNamespace(
-        _values=lambda _: (0.5, residual), _correction=lambda *_: Correction(scale=2.0)
+        _values=lambda _: (0.5, residual, None), _correction=lambda *_: Correction(scale=2.0)
     )
     found = measure._Measurement.result(stood_in, asked)
     assert (found.verdict, found.measurement, found.residual) == (verdict, 0.5, residual)

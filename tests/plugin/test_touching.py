@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
+from plugin.live_room import moved
 
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.measure import measure
@@ -14,14 +13,6 @@ from legoworld.records.plugin_requirements import Touching
 pytestmark = pytest.mark.blender
 
 WH = (160, 120)
-
-
-def moved(scene, name, by_m):
-    """The scene with one object somewhere else."""
-    shot = scene.snapshot
-    placed = shot.world_from_mesh.copy()
-    placed[Entities(shot).surfaces(name), :, 3] += by_m
-    return dataclasses.replace(scene, shown=dataclasses.replace(shot, world_from_mesh=placed))
 
 
 def boxes_apart(shot, name, others):

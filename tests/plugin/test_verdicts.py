@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from plugin.live_room import moved
 from plugin.synthetic import evidence_with, region_of
 
 from legoworld.plugin.entities import Entities
@@ -32,6 +33,8 @@ CASES = {
         {"entity": "Lamp", "low_m": [0, 0, 0], "high_m": [1, 1, 1]},
     ),
     "support": ({"entity": "Cup", "on": "Table"}, {"entity": "Cup", "on": "Floor"}, NOBODY),
+    "stability": ({"entity": "Cup"}, {"entity": "Cup", "margin_m": 0.2}, NOBODY),
+    "hidden": ({"entity": "Cup"}, {"entity": "Table", "tolerance": 0.0}, NOBODY),
     "touching": (
         {"entity": "Cup", "on": "Table"},
         {"entity": "Cup", "on": "Floor"},
@@ -117,18 +120,10 @@ def seen(live):
     return dataclasses.replace(scene, luma=np.full((60, 80), 100 / 255)), evidence
 
 
-def sunk(scene, name, by_m):
-    """The scene with one object lower."""
-    shot = scene.snapshot
-    moved = shot.world_from_mesh.copy()
-    moved[Entities(shot).surfaces(name), 2, 3] -= by_m
-    return dataclasses.replace(scene, shown=dataclasses.replace(shot, world_from_mesh=moved))
-
-
 def result(seen, kind, fields):
     scene, evidence = seen
     if fields.pop("sunk", False):
-        scene = sunk(scene, "Cup", 0.02)
+        scene = moved(scene, "Cup", (0, 0, -0.02))
     requirements = to_record(tuple[kinds.Requirement, ...], [{"kind": kind, **fields}])
     report = measure(scene, requirements, evidence, size_wh=SIZE)
     return report.results[0], report
@@ -139,8 +134,8 @@ def test_every_kind_has_its_cases():
 
 
 #: What has to pass unless it says otherwise; how the picture fits is relative.
-OF_WORLD = {"existence", "valid_transform", "dimensions", "support", "touching", "containment",
-            "collision", "facing", "layout", "visibility"}  # fmt: skip
+OF_WORLD = {"existence", "valid_transform", "dimensions", "support", "stability", "touching",
+            "containment", "collision", "facing", "layout", "visibility", "hidden"}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", CASES)
