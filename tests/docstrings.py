@@ -21,7 +21,7 @@ from annotations import Names, last_name, modules
 #: Modules whose errors are not the package's: click has a UsageError, too.
 FOREIGN = frozenset({"click"})
 BUILTIN_ERRORS = {"ValueError": "Exception", "TypeError": "Exception"}
-_DIMENSION = r"(?:\.\.\.|[A-Z]{1,2}|[A-Z]+_[A-Z_]+|\d+|[a-z]\w*)(?: ?[-+*/] ?\w+)*"
+_DIMENSION = r"(?:\d+ )?(?:\.\.\.|[A-Z]{1,2}|[A-Z]+_[A-Z_]+|\d+|[a-z]\w*)(?: ?[-+*/] ?\w+)*"
 SHAPE = re.compile(
     rf"\({_DIMENSION}(?:,|(?:, {_DIMENSION})+)\)|\(\.\.\.\)"
     r"|\b[Oo]ne\b[\w ,-]* (?:per|for each|for every|of each|of every)\b"

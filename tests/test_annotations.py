@@ -84,7 +84,15 @@ def planted(annotation: str, doc: str, class_doc: str = "Values.") -> dict[str, 
 
 @pytest.mark.parametrize("annotation", ["NDArray[np.bool_]", "Array | None", "dict[str, 'Array']"])
 @pytest.mark.parametrize(
-    "said", ["(n, 3) points.", "x: (n,).", "(H, W), (2 N, 3).", "(..., K) sums.", "One per image."]
+    "said",
+    [
+        "(n, 3) points.",
+        "x: (n,).",
+        "(2 N, 3).",
+        "(H, W, 3) uint8.",
+        "(..., K) sums.",
+        "One per image.",
+    ],
 )
 def test_a_shape_is_looked_for_where_there_is_an_array(annotation, said):
     assert without_shape(planted(annotation, said)) == (1, [])

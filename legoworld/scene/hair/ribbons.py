@@ -104,7 +104,7 @@ def quads(
     next_left: NDArray[np.int64],
     next_right: NDArray[np.int64],
 ) -> NDArray[np.int32]:
-    """(2 N, 3) int32 triangles of N quads, (N,) corners, divided as Embree divides a ribbon's."""
+    """(2 N, 3) int32 triangles of N quads, divided as Embree divides a ribbon's."""
     one = np.stack([left, next_left, right], axis=-1)
     other = np.stack([next_right, right, next_left], axis=-1)
     return np.stack([one, other], axis=-2).reshape(-1, 3).astype(np.int32)
