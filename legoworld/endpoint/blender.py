@@ -6,14 +6,15 @@ import contextlib
 import json
 import os
 import selectors
+import signal
 import socket
 import struct
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 
 from legoworld.errors import LegoWorldError, Raised, one_line
 from legoworld.files import Json
@@ -31,19 +32,33 @@ _LARGEST_REPLY: Final = 64 << 20
 _GRACE_S: Final = 10.0
 _START_WITHIN_S: Final = 120.0
 _CHANNEL: Final = "channel"
+_Made = TypeVar("_Made")
 
 
 class BlenderEndedError(LegoWorldError):
     """The endpoint's Blender ended while it had a request.
 
-    limit: the one it was ended for, None where it crashed or ended itself.
+    limit: the one it was ended for, None where it crashed or ended itself; killed: by a SIGKILL,
+    which is the system's, out of memory, or comes from outside.
     """
 
     code = "blender_ended"
 
-    def __init__(self, what: str, *, found: str = "", limit: Limit | None = None) -> None:
+    def __init__(
+        self, what: str, *, found: str = "", limit: Limit | None = None, killed: bool = False
+    ) -> None:
         super().__init__(what, found=found)
-        self.limit = limit
+        self.limit, self.killed = limit, killed
+
+
+def again_if_killed(make: Callable[[], _Made]) -> _Made:
+    """Once more where its Blender was killed, which tells nothing of the scene that it opened."""
+    try:
+        return make()
+    except BlenderEndedError as error:
+        if not error.killed:
+            raise
+    return make()
 
 
 class LiveBlender:
@@ -200,7 +215,8 @@ class LiveBlender:
         how = signal_name(-code) if code < 0 else f"exit code {code}"
         last = [line for line in ending.last_output.splitlines() if line.strip()]
         said = one_line(last[-1], 150) if last and code >= 0 else ""
-        return BlenderEndedError(f"Blender crashed or was ended: {how}", found=said)
+        killed = code == -signal.SIGKILL
+        return BlenderEndedError(f"Blender crashed or was ended: {how}", found=said, killed=killed)
 
 
 def _over_limit(limit: Limit, limits: SandboxLimits) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any, Final
 
 from legoworld.beneath import Beneath, RefusedFileError
-from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
+from legoworld.endpoint.blender import BlenderEndedError, LiveBlender, again_if_killed
 from legoworld.endpoint.session import copy_into_workspace
 from legoworld.endpoint.trial_record import LARGEST_FILE, TrialRecord
 from legoworld.errors import LegoWorldError, SceneInvalidError, one_line
@@ -41,16 +42,12 @@ def finalise(
     does: the workspace does not stay. A new Blender does it, in the sandbox.
     """
     refused = [record.spoilt] if record.spoilt else []
+    export = partial(
+        export_submission, made=made, workspace=workspace, limits=limits, held=held, blender=blender
+    )
     for checkpoint in _candidates(record):
         try:
-            warnings = export_submission(
-                record.blend(checkpoint),
-                made,
-                workspace=workspace,
-                limits=limits,
-                held=held,
-                blender=blender,
-            )
+            warnings = again_if_killed(partial(export, record.blend(checkpoint)))
         except (BlenderEndedError, SceneInvalidError) as error:
             refused.append(f"{checkpoint.kind} {checkpoint.ordinal}: {one_line(str(error), 200)}")
             continue

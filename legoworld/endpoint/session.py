@@ -8,11 +8,12 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Final, Literal
 
 from legoworld.beneath import Beneath, RefusedFileError, name_beneath
-from legoworld.endpoint.blender import BlenderEndedError, LiveBlender
+from legoworld.endpoint.blender import BlenderEndedError, LiveBlender, again_if_killed
 from legoworld.endpoint.screenshots import MOST_BYTES, NotShownError, deliver_picture
 from legoworld.endpoint.trial_record import TrialRecord
 from legoworld.errors import LegoWorldError, one_line
@@ -224,7 +225,7 @@ class Session:
         first: BlenderEndedError | None = None
         for last in (*self._record.newest("live"), None):
             try:
-                started = self._open_checkpoint(last)
+                started = again_if_killed(partial(self._open_checkpoint, last))
             except BlenderEndedError as error:
                 first = first or error
                 if last is None or error.limit == "time":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import threading
 import time
@@ -70,7 +71,8 @@ class BlenderProcess:
 
         Raises the error the worker reports, or WorkerCrashedError, WorkerTimeoutError or
         WorkerMemoryError. A process that has served other files before and fails is replaced and
-        asked once more, so that no scene is judged by what came before it.
+        asked once more, so that no scene is judged by what came before it; so is one that was
+        killed from outside.
         """
         if self._aborted:
             raise self._crash_error()
@@ -79,11 +81,12 @@ class BlenderProcess:
         used = self._served > 0
         try:
             return self._ask(message)
-        except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError):
+        except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError) as error:
             if self._aborted or self._interrupted:
                 raise
+            killed = isinstance(error, WorkerCrashedError) and self._was_killed()
             self._drop()
-            if not used:
+            if not used and not killed:
                 raise
         try:
             return self._ask(message)
@@ -219,6 +222,10 @@ class BlenderProcess:
 
     def _has_ended(self) -> bool:
         return self._process is not None and self._process.exit_code() is not None
+
+    def _was_killed(self) -> bool:
+        """Whether it ended by a SIGKILL: of the system, out of memory, or from outside."""
+        return self._process is not None and self._process.exit_code() == -signal.SIGKILL
 
     def _recycle(self) -> None:
         if self._process is None:

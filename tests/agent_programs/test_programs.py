@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from agent_programs.model_server import ModelServer, Turn
+from agent_programs.programs import AGENTS, KEY, KEYS, Program, code, write_card
 from agents.tracks import SMALL, make_track
 from trajectories.harbor import refusal_of_harbor
 
@@ -35,43 +35,8 @@ pytestmark = [
 ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Program:
-    """What a card of one's own adds to a shipped one, whose API the recorder forwards to.
-
-    reads: the tool by which the model sees the photo, where the program does not show it at once;
-    counted: whether its transcript counts the requests that have no tools (titles, routing).
-    """
-
-    settings: str = "{}"
-    variables: str = ""
-    reads: str | None = None
-    counted: bool = True
-
-
-AGENTS = {
-    "claude": Program(
-        variables='CLAUDE_CODE_DISABLE_NONESSENTIAL_TRAFFIC = "1"',
-        reads="Read",
-    ),
-    "codex": Program(),
-    "gemini": Program(),
-    "opencode": Program(
-        settings='{model = "anthropic/claude-sonnet-4-5"}',
-        variables='OPENCODE_DISABLE_MODELS_FETCH = "1"',
-        counted=False,
-    ),
-}
-KEY = "sk-a-secret-of-9604"
-KEYS = ("ANTHROPIC_API_KEY", "CODEX_API_KEY", "GEMINI_API_KEY")
 LABELLED = f"{SMALL}\nbpy.data.objects['Cube']['category'] = 'chair'"
 SAVE = "import os\nbpy.ops.wm.save_as_mainfile(filepath=os.getcwd() + '/scene.blend')"
-
-
-def code(says: str, text: str) -> Turn:
-    """A turn that runs code in Blender."""
-    arguments = {"code": f"import bpy\n{text}", "user_prompt": "Rebuild the photo."}
-    return Turn(says=says, tool="execute_blender_code", arguments=arguments)
 
 
 def script(program: Program, truth: Path) -> list[Turn]:
@@ -125,17 +90,13 @@ def trial(name: str, folder: Path, *, failing: int = 0, time_limit_s: float = 40
     server = ModelServer(script(program, truth))
     server.failing = failing
     with server.serving(), pytest.MonkeyPatch.context() as patch:
-        added = f"settings = {program.settings}\n\n[transcript]"
-        card = load_agent(name).path.read_text().replace("[transcript]", added)
-        card = re.sub('api = "https:[^"]*"', f'api = "{server.url}"', card)
-        card += "\n" + program.variables + "\n"
-        (folder / f"{name}.toml").write_text(card)
+        card = write_card(name, server.url, folder)
         patch.setenv("PATH", f"{PROGRAMS}/bin:{os.environ['PATH']}")
         for key in KEYS:
             patch.setenv(key, KEY)
         (row,) = reconstruct(
             folder / "track.json", folder / "scenes", photos=folder / "photos",
-            agent=str(folder / f"{name}.toml"), trial_limit_s=time_limit_s,
+            agent=str(card), trial_limit_s=time_limit_s,
             record=True,
         )  # fmt: skip
     photo = folder / "photos" / "one.png"

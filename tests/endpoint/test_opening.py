@@ -55,12 +55,14 @@ def test_an_answer_in_pieces_is_whole(tmp_path, monkeypatch):
     [
         ("print('first\\nthen\\nwhy it ended\\n'); sys.exit(3)", "exit code 3.*why it ended"),
         ("print('why', flush=True); os.kill(os.getpid(), 11)", "SIGSEGV$"),
+        ("os.kill(os.getpid(), 9)", "SIGKILL$"),
     ],
 )
 def test_why_it_ended_is_said(tmp_path, monkeypatch, ends, said):
     with pytest.raises(BlenderEndedError, match=said) as ended:
         started(tmp_path, monkeypatch, f"import os, sys\n{ends}\n")
     assert ended.value.limit is None
+    assert ended.value.killed == ("SIGKILL" in said)
     assert "first" not in str(ended.value)
     assert "then" not in str(ended.value)
 

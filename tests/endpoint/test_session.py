@@ -434,6 +434,35 @@ def test_the_last_save_that_opens_is_the_submission_else_the_open_scene(tmp_path
     assert max(map(len, found.refused)) <= 210
 
 
+@pytest.mark.parametrize(("kills", "opened"), [(1, "b"), (2, "a")])
+def test_a_blender_that_was_killed_opens_the_same_scene_once_more(
+    tmp_path, monkeypatch, kills, opened
+):
+    """A kill from outside says nothing of the scene; the second may be the system's memory."""
+    record = TrialRecord(tmp_path / "record")
+    for number, name in enumerate("ab", start=1):
+        (tmp_path / "file").write_text(name)
+        record.take(tmp_path / "file", name, kind="live", call=number, at_s=0.0)
+    left = [BlenderEndedError("SIGKILL", killed=True)] * kills
+
+    def export(blend, **_how):
+        if left:
+            raise left.pop()
+        return [blend.stem]
+
+    monkeypatch.setattr(finalisation, "export_submission", export)
+    found = finalise(record, "made", workspace="w", limits="l", held="h", blender=1)
+    assert (found.warnings, len(found.refused)) == ((opened,), kills - 1)
+    (tmp_path / "workspace").mkdir()
+    left = [BlenderEndedError("SIGKILL", killed=True)] * kills
+    session = Session(trial_in(tmp_path))
+    monkeypatch.setattr(
+        session, "_open_checkpoint", lambda last: export(session.record.blend(last))
+    )
+    assert session._start_blender() == [opened]
+    assert bool(session._passed_over) == (kills == 2)
+
+
 def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_path, monkeypatch):
     workspace, asked = tmp_path / "workspace", []
     workspace.mkdir()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import tempfile
 import threading
@@ -33,6 +35,29 @@ def test_a_served_process_leaves_nothing(temporary: Path):
     with BlenderProcess(Limits(time_s=600)) as blender:
         assert blender.request({"kind": "version"})["blender"].startswith("5.")
         assert any(name.startswith("blender_") for name in names(temporary))
+    assert names(temporary) == []
+
+
+@pytest.mark.parametrize("kills", [1, 2])
+def test_a_process_that_was_killed_is_replaced_once(temporary: Path, monkeypatch, kills):
+    begun: list[int] = []
+    start = BlenderProcess._start_worker
+
+    def started(self):
+        process = start(self)
+        if len(begun) < kills and process.pid not in begun:
+            begun.append(process.pid)
+            os.kill(process.pid, signal.SIGKILL)
+        return process
+
+    monkeypatch.setattr(BlenderProcess, "_start_worker", started)
+    with BlenderProcess(Limits(time_s=600)) as blender:
+        if kills == 2:
+            with pytest.raises(WorkerCrashedError, match="signal 9"):
+                blender.request({"kind": "version"})
+        else:
+            assert "blender" in blender.request({"kind": "version"})
+    assert len(begun) == kills
     assert names(temporary) == []
 
 
