@@ -94,7 +94,7 @@ class InTheWorld:
         return rest.gap_m, abs(rest.gap_m)
 
     def stability(self, requirement: kinds.Stability) -> tuple[float, float]:
-        """Of its centre of mass inside of its support, metres; UnmetError above nothing or air."""
+        """Its centre of mass to the edge of its support, metres. UnmetError: nothing carries it."""
         rest = self._rest(requirement)
         if abs(rest.gap_m) > _CONTACT_M:
             raise UnmetError(f"it rests on nothing: the gap below it is {rest.gap_m:.3g} m")
