@@ -68,13 +68,7 @@ def table_command(evaluations: tuple[Path, ...], output: Path, out: Output, **gi
 @option("--overwrite", "Replace that file.")
 @options.printing
 def judges_command(
-    judgements: Path,
-    evaluations: tuple[Path, ...],
-    trajectories: Path | None,
-    seed: int,
-    json_file: Path | None,
-    overwrite: bool,
-    out: Output,
+    judgements: Path, evaluations: tuple[Path, ...], out: Output, **given: Any
 ) -> int:
     """How far recorded JUDGEMENTS agree with the scores: builders in rows, judges in columns.
 
@@ -97,16 +91,9 @@ def judges_command(
     from legoworld.api.bench import bench_judges
     from legoworld.records.base import as_json as plain
 
-    if trajectories is None:
+    if given["trajectories"] is None:
         options.refuse_given(["seed"], "is for --trajectories: it chooses their pairs")
-    agreement = bench_judges(
-        judgements,
-        evaluations,
-        json_file,
-        trajectories=trajectories,
-        seed=seed,
-        overwrite=overwrite,
-    )
+    agreement = bench_judges(judgements, evaluations, **given)
     if out.as_json:
         print_json(plain(agreement))
         return 0

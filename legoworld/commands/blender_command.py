@@ -48,24 +48,14 @@ def command() -> None:
 @options.protections(flag("--network", "Let the code it runs use the network."))
 @option("--time-limit", "Seconds until the endpoint ends.", default=14400.0)
 @option(
-    "--call-time-limit call_time_limit_s",
+    "--call-time-limit call_time_s",
     "Seconds one call may take; mcp-for-blender gives up after 180.",
     AMOUNT,
     default=165.0,
 )
 @_MEMORY
 @options.quiet("Print the port and nothing else.")
-def serve(
-    scene: Path | None,
-    port: int,
-    workspace: Path | None,
-    inputs: tuple[Path, ...],
-    held: Protections,
-    time_limit_s: float,
-    call_time_limit_s: float,
-    memory_bytes: int,
-    out: Output,
-) -> int:
+def serve(time_limit_s: float, memory_bytes: int, out: Output, **given: Any) -> int:
     """Run a Blender that speaks Blender MCP's socket protocol, without a display.
 
     It runs whatever Python code its clients send. With bubblewrap that code has no network, writes
@@ -87,15 +77,8 @@ def serve(
 
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda _number, _frame: over.set())
-    serving = EndpointOptions(
-        scene=scene,
-        port=port,
-        workspace=workspace,
-        inputs=inputs,
-        held=held,
-        limits=SandboxLimits(time_s=time_limit_s, memory_bytes=memory_bytes),
-        call_time_s=call_time_limit_s,
-    )
+    limits = SandboxLimits(time_s=time_limit_s, memory_bytes=memory_bytes)
+    serving = EndpointOptions(limits=limits, **given)
     with contextlib.suppress(KeyboardInterrupt):
         serve_endpoint(serving, over, say=click.echo, notice=out.notice)
     return 0

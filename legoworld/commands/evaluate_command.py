@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Unpack
 import click
 
 from legoworld import exit_codes
+from legoworld.api.by_task import entry_of_task, tasks_below
 from legoworld.api.listener import Listener
 from legoworld.commands import options
 from legoworld.commands.options import off, option
 from legoworld.commands.output import Output, on_terminal, report_hint
 from legoworld.commands.param_types import EXISTING_SCENES, PLACE, Choice
-from legoworld.commands.truths import parse_truths
 from legoworld.files import readable_json, refuse_existing, write_text
+from legoworld.records.folders.read_run import RUN
 from legoworld.remote import Place
+from legoworld.tasks.registry import task_names
 
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
@@ -171,3 +173,31 @@ def _open_listener(out: Output) -> Iterator[Listener]:
             bar.update(1)
 
         yield Listener(total=total, scored=scored, notice=out.step, warn=out.notice)
+
+
+def parse_truths(run: Place, texts: Sequence[str]) -> Path | dict[str, Path]:
+    """What `evaluate` takes as its truth. click.UsageError for texts that cannot be used.
+
+    Of a folder of runs, every run needs a truth where --truth is a folder; TASK=PATH selects runs.
+    """
+    named = dict(text.split("=", 1) for text in texts if text.partition("=")[0] in task_names())
+    if len(named) == len(texts):
+        return {task: _require_existing(path) for task, path in named.items()}
+    if named or len(texts) > 1:
+        raise click.UsageError("--truth is one path, or TASK=PATH once for each task")
+    path = _require_existing(texts[0])
+    tasks = tasks_below(run, RUN) if isinstance(run, Path) else []
+    if not tasks:
+        return path
+    if not path.is_dir():
+        raise click.UsageError(
+            f"{run} holds the runs of {', '.join(tasks)}: pass --truth TASK=PATH for each, or a "
+            "folder with <task>.json or <task>/ of each"
+        )
+    return {task: entry_of_task(path, task, "ground truth") for task in tasks}
+
+
+def _require_existing(path: str) -> Path:
+    if not Path(path).exists():
+        raise click.BadParameter(f"Path {path!r} does not exist.", param_hint="'--truth'")
+    return Path(path)

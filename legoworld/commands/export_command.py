@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import Any
 
 import click
 
@@ -14,9 +14,6 @@ from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, Choice, TaskChoice
 from legoworld.exports.formats import FORMAT_NAMES, Written, find_format
 from legoworld.pluralize import plural
-
-if TYPE_CHECKING:
-    from legoworld.api.exporting import ReaderOptions
 
 
 @click.command("export")
@@ -49,12 +46,8 @@ def command(
     run_or_scenes: Path,
     format: str,  # noqa: A002
     output: Path | None,
-    task: str | None,
-    track: Path | None,
-    size_wh: tuple[int, int] | None,
-    overwrite: bool,
     out: Output,
-    **given: Unpack[ReaderOptions],
+    **given: Any,
 ) -> int:
     """Write a run, or what the cameras of scenes see, in the format of other tools.
 
@@ -84,16 +77,7 @@ def command(
     if is_run(run_or_scenes):
         names = ["task", "size_wh", "source", "require_frozen"]
         options.refuse_given(names, "is for scenes: a run has its own")
-    made = export(
-        run_or_scenes,
-        output,
-        format=format,
-        task=task,
-        track=track,
-        size_wh=size_wh,
-        overwrite=overwrite,
-        **given,
-    )
+    made = export(run_or_scenes, output, format=format, **given)
     written = (
         made
         if isinstance(made, Written)

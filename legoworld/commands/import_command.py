@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,14 +20,7 @@ from legoworld.pluralize import plural
 @option("--overwrite", "Replace scene.blend.")
 @options.limits
 @options.printing_json
-def command(
-    usd: Path,
-    output: Path,
-    overwrite: bool,
-    time_limit_s: float,
-    memory_limit_gib: float,
-    out: Output,
-) -> int:
+def command(usd: Path, output: Path, out: Output, **given: Any) -> int:
     """Import a USD file as a scene folder; its semantic labels become categories.
 
     Labels of UsdSemantics (SemanticsLabelsAPI:class) and of the older SemanticsAPI are read. Only
@@ -39,13 +33,7 @@ def command(
     """
     from legoworld.api.usd_import import import_usd
 
-    made = import_usd(
-        usd,
-        output,
-        overwrite=overwrite,
-        time_limit_s=time_limit_s,
-        memory_limit_gib=memory_limit_gib,
-    )
+    made = import_usd(usd, output, **given)
     for lost in made.losses:
         out.notice(lost)
     out.show(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,13 +23,7 @@ if TYPE_CHECKING:
 @option("--images-per-file")
 @option("--overwrite")
 @options.printing_json
-def command(
-    shards: tuple[Place, ...],
-    output: Place,
-    images_per_file: int | None,
-    overwrite: bool,
-    out: Output,
-) -> int:
+def command(shards: tuple[Place, ...], output: Place, out: Output, **given: Any) -> int:
     """Join the SHARDS 1/n to n/n of one readout: the same bytes as one undivided run.
 
     Shards of several tasks are joined task by task. A single undivided run, of a baseline too, is
@@ -45,12 +39,12 @@ def command(
     from legoworld.api.by_task import ByTask
     from legoworld.api.merging import merge
 
-    merged = merge(shards, output, images_per_file=images_per_file, overwrite=overwrite)
+    merged = merge(shards, output, **given)
     runs = [*merged.values()] if isinstance(merged, ByTask) else [merged]
     documents: list[Document] = [{"run": str(one.folder), "summary": one.summary} for one in runs]
-    given = plural(len(shards), "run", "runs")
+    parts = plural(len(shards), "run", "runs")
     lines = (
-        f"{given}, {share(coverage.ok, coverage.attempted, 'image', 'images')} read -> {one.folder}"
+        f"{parts}, {share(coverage.ok, coverage.attempted, 'image', 'images')} read -> {one.folder}"
         for one in runs
         for coverage in [one.summary.coverage]
     )

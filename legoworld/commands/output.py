@@ -14,6 +14,7 @@ import click
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import escape_json
+from legoworld.pluralize import plural
 from legoworld.tables.table import Cell
 from legoworld.tables.table import table as of_cells
 from legoworld.tables.terminal import terminal
@@ -84,6 +85,12 @@ def print_json(document: Document) -> None:
 def table(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
     """A text table of words and numbers."""
     return terminal(of_cells(header, rows))
+
+
+def outside_the_vocabulary(label: str, count: int, nearest: list[str]) -> str:
+    """The line about a label outside the vocabulary: how many owners, and similar categories."""
+    near = f"; near: {', '.join(nearest)}" if nearest else ""
+    return f"label {label!r} is not in the vocabulary ({plural(count, 'owner', 'owners')}){near}"
 
 
 def report_hint(folder: Path, *, photos: bool) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -36,15 +37,7 @@ from legoworld.pluralize import plural, share, word_for
 @option("--trials", "Page of `trajectory report` to link to.", FILE, required=False)
 @option("--output", "HTML file to write.", FILE)
 @options.printing
-def command(
-    folders: tuple[Path, ...],
-    photos: Path | None,
-    scene_folders: tuple[Path, ...],
-    photo: str | None,
-    trials: Path | None,
-    output: Path,
-    out: Output,
-) -> int:
+def command(folders: tuple[Path, ...], output: Path, out: Output, **given: Any) -> int:
     """Write one HTML page of evaluations and comparisons (FOLDERS): numbers, errors, every photo.
 
     A folder of the evaluations or comparisons of several tasks stands for all of them.
@@ -62,9 +55,7 @@ def command(
     """
     from legoworld.api.report_page import write_report
 
-    page = write_report(
-        folders, output, photos=photos, scene_folders=scene_folders, trials=trials, photo=photo
-    )
+    page = write_report(folders, output, **given)
     if missing := page.views_without_photo:
         views = share(missing, page.views, "view", "views")
         out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from legoworld.commands import output
-from legoworld.commands.sentences import outside_the_vocabulary
 from legoworld.errors import name_on_line
 from legoworld.pluralize import first_few, plural, share
 from legoworld.records.base import UNSET
@@ -168,7 +167,7 @@ def _failure(row: RunRow, more: int = 0) -> str:
 def _label_lines(result: Run) -> list[str]:
     unmatched = result.summary.unmatched_labels or {}
     ordered = sorted(unmatched.items(), key=lambda item: (-item[1], item[0]))
-    return [outside_the_vocabulary(name, n, _nearest(result, name)) for name, n in ordered]
+    return [output.outside_the_vocabulary(name, n, _nearest(result, name)) for name, n in ordered]
 
 
 def _counts(summary: RunSummary) -> str:

@@ -145,9 +145,9 @@ def test_the_page_names_the_keys_in_the_source(command):
         if command == "bench make":
             trees = [ast.parse(inspect.getsource(module._document))]
         elif command == "baseline run":
-            from legoworld.commands import baseline_output
+            from legoworld.commands import baseline_command
 
-            trees = [ast.parse(inspect.getsource(baseline_output.show))]
+            trees = [ast.parse(inspect.getsource(baseline_command.show))]
         printed = {
             key.value
             for call in ast.walk(trees[0])

@@ -18,11 +18,10 @@ from legoworld.api.listener import Listener
 from legoworld.api.readout import Run
 from legoworld.cards import load_card
 from legoworld.commands import (
-    baseline_output,
+    baseline_command,
     evaluate_command,
     inspect_command,
     run_text,
-    sources,
 )
 from legoworld.commands.output import Output
 from legoworld.errors import LegoWorldError
@@ -64,7 +63,7 @@ def compared(**said: Any) -> Any:
 
 
 def shown(found: Any, capsys: Any, **how: bool) -> tuple[int, str, str]:
-    code = sources.show(found, Output(**how))
+    code = inspect_command._show_comparison(found, Output(**how))
     said = capsys.readouterr()
     return code, said.out, said.err
 
@@ -455,7 +454,7 @@ def predicted(n_bad: int, task: str = "coco", **said: Any) -> Any:
     ],
 )  # fmt: skip
 def test_what_a_baseline_made_in_words(found: Run, line: str, made: str, capsys: Any) -> None:
-    code = baseline_output.show(found, Output(as_json=False, verbose=True))
+    code = baseline_command.show(found, Output(as_json=False, verbose=True))
     lines = capsys.readouterr().out.splitlines()
     assert code == (len(found.rows) > 1)
     assert lines[0].split() == ["image", "photo", "status", "predicted"]
@@ -465,7 +464,7 @@ def test_what_a_baseline_made_in_words(found: Run, line: str, made: str, capsys:
         *(f"failed: {k}.jpg (image {k}): no" for k in range(1, len(found.rows))),
         f"{line} -> out",
     ]
-    baseline_output.show(found, Output(as_json=True, verbose=True))
+    baseline_command.show(found, Output(as_json=True, verbose=True))
     document = json.loads(capsys.readouterr().out)
     assert document["run"] == "out"
     assert len(document["rows"]) == len(found.rows)
@@ -473,7 +472,7 @@ def test_what_a_baseline_made_in_words(found: Run, line: str, made: str, capsys:
 
 @pytest.mark.parametrize(("n_bad", "more"), [(50, []), (51, ["... and 1 more, in "])])
 def test_fifty_failures_are_listed(n_bad: int, more: list[str], capsys: Any) -> None:
-    baseline_output.show(predicted(n_bad), Output(as_json=False, verbose=False))
+    baseline_command.show(predicted(n_bad), Output(as_json=False, verbose=False))
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 50 + len(more) + 1
     assert lines[50:-1] == [f"{text}out/per_image.jsonl" for text in more]

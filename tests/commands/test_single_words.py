@@ -13,14 +13,14 @@ import pytest
 
 from legoworld import cli
 from legoworld.commands import (
-    baseline_output,
+    baseline_command,
     demo_command,
+    evaluate_command,
     options,
     param_types,
     progress,
     run_text,
     score_command,
-    truths,
 )
 from legoworld.commands.output import Output
 from legoworld.errors import InstallationError
@@ -68,7 +68,7 @@ def test_a_truth_for_each_task_and_one_for_all(tmp_path):
     for name in ("a.json", "b=c.json"):
         (tmp_path / name).write_text("{}")
     one, other = tmp_path / "a.json", tmp_path / "b=c.json"
-    parse = truths.parse_truths
+    parse = evaluate_command.parse_truths
     assert parse(tmp_path, [f"coco={one}", f"lvis={other}"]) == {"coco": one, "lvis": other}
     assert parse(tmp_path, [str(other)]) == other
     for texts in ([f"coco={one}", str(other)], [str(one), str(other)]):
@@ -113,14 +113,14 @@ def test_a_run_is_named_by_its_task_where_there_are_several(several, capsys, mon
 def test_what_was_predicted_of_an_image(row, cell):
     known = {"status": "ok", "depth": None, "rendered_wh": None, "n_predictions": None}
     made: Any = SimpleNamespace(**known | row)
-    assert baseline_output._result_cell(made) == cell
+    assert baseline_command._result_cell(made) == cell
 
 
 def test_of_fifty_failures_the_first_are_named(capsys):
     rows = [RunRow(image_id=k, file_name=f"{k}.jpg", status="failed", reason="no")
             for k in range(51)]  # fmt: skip
     run: Any = SimpleNamespace(rows=rows, folder=Path("out"), summary=None)
-    lines = baseline_output._lines(run, rows, verbose=False)
+    lines = baseline_command._lines(run, rows, verbose=False)
     shown = [next(lines) for _ in range(51)]
     assert shown[49:] == [
         "failed: 49.jpg (image 49): no", "... and 1 more, in out/per_image.jsonl",
@@ -374,7 +374,7 @@ def test_what_a_baseline_logs_is_said_with_v(words, logged, tmp_path, monkeypatc
         "legoworld.api.baselines.baseline_run",
         lambda *_, listener, **__: listeners.append(listener),
     )
-    monkeypatch.setattr(baseline_output, "show", lambda *_: 0)
+    monkeypatch.setattr(baseline_command, "show", lambda *_: 0)
     for name in ("t.json", "w.pth"):
         (tmp_path / name).touch()
     run = ["baseline", "run", "dino", "--task", "coco", "--track", str(tmp_path / "t.json"),
