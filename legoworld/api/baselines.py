@@ -19,12 +19,12 @@ from legoworld.baselines.confinement import BaselineConfinement
 from legoworld.baselines.family import BaselineFamily, ImportListener, load_baseline_family
 from legoworld.baselines.foreign_results import next_step_for
 from legoworld.baselines.labels import label_map as read_label_map
-from legoworld.baselines.request import BaselineRequest, selected_images
+from legoworld.baselines.request import BaselineRequest
 from legoworld.baselines.truth_prompts import read_truth_prompts
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.integer_units import UNITS, is_unit
 from legoworld.readouts.protocol import Protocol, protocol
-from legoworld.running.readout_run import RunResult
+from legoworld.running.readout_run import RunResult, selected_images
 from legoworld.tracks.track import Track, load_track
 
 
@@ -83,7 +83,7 @@ def baseline_run(
         )
     images, reading = _track_and_protocol(task, track)
     request = BaselineRequest(
-        **choose_model(card, weights, model, inputs),
+        **vars(choose_model(card, weights, model, inputs)),
         photos=Path(photos),
         batch_size=batch_size,
         overwrite=overwrite,

@@ -12,12 +12,8 @@ from legoworld.api.baselines import warn_unconfined
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import load_protocol
 from legoworld.baselines.cards import load_baseline
-from legoworld.baselines.chosen_model import ModelOptions, choose_model
-from legoworld.baselines.photo_provider import (
-    ProviderRequest,
-    ask_provider,
-    refuse_without_camera,
-)
+from legoworld.baselines.chosen_model import ChosenModel, ModelOptions, choose_model
+from legoworld.baselines.photo_provider import ask_provider, refuse_without_camera
 from legoworld.errors import UsageError
 from legoworld.plugin.make_evidence import BaselineEvidence, UserEvidence, make_evidence
 from legoworld.records.plugin_evidence import DepthSpace, EvidenceFile
@@ -62,8 +58,7 @@ def plugin_evidence(
                 raise UsageError(
                     f"--provider {provider} needs --weights: a file, a folder or a hub id"
                 )
-            request = ProviderRequest(**choose_model(card, weights, model))
-            provided = _ask(request, Path(photo), scratch, listener)
+            provided = _ask(choose_model(card, weights, model), Path(photo), scratch, listener)
         return make_evidence(
             UserEvidence(
                 photo=Path(photo),
@@ -81,9 +76,7 @@ def plugin_evidence(
         )
 
 
-def _ask(
-    request: ProviderRequest, photo: Path, scratch: Path, listener: Listener
-) -> BaselineEvidence:
+def _ask(request: ChosenModel, photo: Path, scratch: Path, listener: Listener) -> BaselineEvidence:
     """The provider's answer, and a notice of what it says of the camera."""
     warn_unconfined(request.confined, listener)
     provided = ask_provider(request, photo, scratch, listener.log)

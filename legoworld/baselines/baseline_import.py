@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from legoworld.baselines.baseline_run import write_run
 from legoworld.baselines.family import ImportListener
 from legoworld.baselines.records import ResultMissingError
-from legoworld.baselines.request import common_configuration
+from legoworld.baselines.request import baseline_configuration
 from legoworld.errors import LegoWorldError, UsageError, one_line
 from legoworld.files import EncodingError, canonical_json, sha256_of_file, sha256_of_text, utf8_text
 from legoworld.pluralize import in_another_folder
@@ -90,7 +90,7 @@ def import_configuration(
     """Everything an import's results depend on. imported: the input and its declarations."""
     ran_on = sorted(request.ran_on) if request.ran_on is not None else None
     return replace(
-        common_configuration(request.protocol, request.track, images, partial=False),
+        baseline_configuration(request.protocol, request.track, images, partial=False),
         baseline=request.name,
         imported=imported,
         images_run_sha256=sha256_of_text(canonical_json(ran_on)) if ran_on else None,

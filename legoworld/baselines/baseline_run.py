@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,31 +11,33 @@ from msgspec import structs
 from legoworld.baselines.conversation import Conversation, Provenance
 from legoworld.baselines.family import load_baseline_family
 from legoworld.baselines.records import PhotoMissingError, is_intact
-from legoworld.baselines.request import BaselineRequest, build_configuration, selected_images
-from legoworld.conventions import SCHEMA_VERSION
+from legoworld.baselines.request import BaselineRequest, build_configuration
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share, word_for
 from legoworld.readouts.protocol import load_readout_family
 from legoworld.records.folders import run_folder
-from legoworld.records.folders.read_run import RUN_SCHEMA, recorded_configuration
+from legoworld.records.folders.read_run import recorded_configuration
 from legoworld.records.folders.run_journal import JournalledImage, append, journal
 from legoworld.records.run_file import (
     BaselineAbout,
     Configuration,
     ImageRecord,
     ImageSource,
-    RunCoverage,
-    RunFile,
     RunSummary,
 )
 from legoworld.records.run_rows import RunRow
 from legoworld.running.image_record import failed_record
-from legoworld.running.readout_run import Progress, RunResult
+from legoworld.running.readout_run import (
+    Progress,
+    RunResult,
+    count_rows,
+    run_document,
+    selected_images,
+)
 from legoworld.tasks.registry import require_task
 from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
-from legoworld.version import __version__
 from legoworld.workers.environment import passed_names
 
 Say = Callable[[str], None]
@@ -181,7 +182,7 @@ def write_run(
     run_folder.finish(
         folder,
         records=records,
-        run=_run_document(configuration, baseline),
+        run=run_document(configuration, baseline),
         summary=summary,
         with_predictions=readout.exports is not None,
         complete=readout.complete,
@@ -195,34 +196,5 @@ def summarise(configuration: Configuration, rows: Sequence[RunRow]) -> RunSummar
     counts: Counter[str] = Counter()
     for row in ok:
         counts.update(row.counts or {})
-    summary = RunSummary(
-        schema_version=SCHEMA_VERSION,
-        task=configuration.task,
-        partial=bool(configuration.partial),
-        coverage=RunCoverage(
-            attempted=configuration.attempted,
-            ok=len(ok),
-            by_status=dict(Counter(row.status for row in rows)),
-        ),
-        counts=dict(counts),
-        warnings=sum(len(row.warnings) for row in rows),
-    )
+    summary = structs.replace(count_rows(configuration, rows), counts=dict(counts))
     return load_baseline_family(configuration.task).sum_up(summary, ok)
-
-
-def _run_document(configuration: Configuration, baseline: BaselineAbout) -> RunFile:
-    import platform
-
-    import numpy as np
-
-    return RunFile(
-        schema_version=RUN_SCHEMA,
-        finished_at=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        configuration=configuration,
-        baseline=baseline,
-        versions={
-            "legoworld": __version__,
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-        },
-    )

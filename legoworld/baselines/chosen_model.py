@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
@@ -32,8 +33,12 @@ class ModelOptions(TypedDict, total=False):
     sandbox: Confinement
 
 
-class ChosenModel(TypedDict):
-    """What is equal in the requests of a run and of a provider."""
+@dataclass(frozen=True, kw_only=True)
+class ChosenModel:
+    """How a baseline's process is run. device: such as "cpu" or "cuda:1".
+
+    time_limit_s: from one answer to the next; of a provider for its model, and again for the photo.
+    """
 
     card: BaselineCard
     weights: str
@@ -45,26 +50,28 @@ class ChosenModel(TypedDict):
     time_limit_s: float | None
     confined: BaselineConfinement
 
+    @property
+    def source(self) -> str:
+        """As evidence names it: "vggt 1.0.0"."""
+        return f"{self.card.name} {self.card.about.version}"
+
 
 def choose_model(
-    card: BaselineCard,
-    weights: str,
-    given: ModelOptions,
-    inputs: Sequence[str | Path] = (),
+    card: BaselineCard, weights: str, given: ModelOptions, inputs: Sequence[str | Path] = ()
 ) -> ChosenModel:
     """How the baseline of a card is run. inputs: what it may read besides its own files."""
     python, offline = given.get("python"), given.get("offline", False)
     used = chosen_python(card, None if python is None else Path(python))
     device = chosen_device(given.get("device", "cpu"), used)
     sandbox, paths = given.get("sandbox", "auto"), [Path(path) for path in inputs]
-    return {
-        "card": card,
-        "weights": weights,
-        "python": used,
-        "device": device,
-        "dtype": chosen_dtype(given.get("dtype", "float32"), device, card),
-        "options": chosen_options(card, given.get("options", ())),
-        "offline": offline,
-        "time_limit_s": given.get("time_limit_s"),
-        "confined": confine_baseline(card, weights, sandbox, offline=offline, inputs=paths),
-    }
+    return ChosenModel(
+        card=card,
+        weights=weights,
+        python=used,
+        device=device,
+        dtype=chosen_dtype(given.get("dtype", "float32"), device, card),
+        options=chosen_options(card, given.get("options", ())),
+        offline=offline,
+        time_limit_s=given.get("time_limit_s"),
+        confined=confine_baseline(card, weights, sandbox, offline=offline, inputs=paths),
+    )

@@ -45,7 +45,7 @@ class BaselineFamily:
     what: str
     options: frozenset[str]
     import_answers: Callable[[ImportRequest, Path, Mapping[str, Any], ImportListener], RunResult]
-    sum_up: Callable[[RunSummary, Sequence[RunRow]], RunSummary]
+    sum_up: Callable[[RunSummary, Sequence[RunRow]], RunSummary] = lambda summary, _ok: summary
     own_file: Callable[[RunRow], str] | None = None
     answered: Callable[[TrackImage, Message, AnswerRules, ImageSource], ImageRecord] | None = None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth import NAMING as DEPTH_NAMING
 from legoworld.baselines.depth import declared_depth, imported_depth
-from legoworld.baselines.depth_folder import DepthDeclared
 from legoworld.baselines.depth_normals import normals_of_depth
 from legoworld.baselines.family import BaselineFamily, ImportListener
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
@@ -49,9 +48,26 @@ def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
 
     UsageError for a depth with a sign, or intrinsics of normals.
     """
-    suffix = options.get("suffix")
-    if options.get("space") is not None:
-        return _of_depth(folder, suffix, options)
+    naming, imported, read = (
+        _of_normals(folder, options) if options.get("space") is None else _of_depth(folder, options)
+    )
+    return PixelSource(
+        folder=folder,
+        suffix=options.get("suffix"),
+        naming=naming,
+        imported=imported,
+        stored=NORMALS_FILE,
+        read=read,
+        write=_write,
+        record=_record,
+    )
+
+
+#: How the files are named, what the run says of them, and how one is read.
+_Source = tuple[Naming, Imported, Callable[[Path, TrackImage], NormalsArray]]
+
+
+def _of_normals(folder: Path, options: Mapping[str, Any]) -> _Source:
     if other := [name for name in ("unit", "intrinsics") if options.get(name) is not None]:
         raise UsageError(
             f"--{other[0]} is for depth that normals are fitted to",
@@ -59,21 +75,16 @@ def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
             expected="--space depth, disparity or ray_distance",
         )
     declared = Declaration(sign=options.get("sign"), array=options.get("array"))
-    return PixelSource(
-        folder=folder,
-        suffix=suffix,
-        naming=NAMING,
-        imported=Imported(
-            folder=folder.resolve().name, sign=declared.sign, array=declared.array, suffix=suffix
-        ),
-        stored=NORMALS_FILE,
-        read=partial(_read, declared),
-        write=_write,
-        record=_record,
+    imported = Imported(
+        folder=folder.resolve().name,
+        sign=declared.sign,
+        array=declared.array,
+        suffix=options.get("suffix"),
     )
+    return NAMING, imported, partial(_read, declared)
 
 
-def _of_depth(folder: Path, suffix: str | None, options: Mapping[str, Any]) -> PixelSource:
+def _of_depth(folder: Path, options: Mapping[str, Any]) -> _Source:
     if options.get("sign") is not None:
         raise UsageError(
             "normals that are fitted to depth point towards the camera",
@@ -81,20 +92,11 @@ def _of_depth(folder: Path, suffix: str | None, options: Mapping[str, Any]) -> P
             expected="--sign for normals, or --space for depth",
         )
     declared = declared_depth(options)
-    return PixelSource(
-        folder=folder,
-        suffix=suffix,
-        naming=DEPTH_NAMING,
-        imported=imported_depth(folder, declared, options),
-        stored=NORMALS_FILE,
-        read=partial(_fitted, declared),
-        write=_write,
-        record=_record,
+    return (
+        DEPTH_NAMING,
+        imported_depth(folder, declared, options),
+        lambda path, image: _with_normals(normals_of_depth(declared, path, image)),
     )
-
-
-def _fitted(declared: DepthDeclared, path: Path, image: TrackImage) -> NormalsArray:
-    return _with_normals(normals_of_depth(declared, path, image))
 
 
 def _read(declared: Declaration, path: Path, image: TrackImage) -> NormalsArray:
@@ -148,6 +150,5 @@ BASELINE: Final = BaselineFamily(
     what="a folder of arrays of normals, or of depth with --space",
     options=frozenset({"sign", "array", "suffix", "space", "unit", "intrinsics"}),
     import_answers=_import,
-    sum_up=lambda summary, _ok: summary,
     own_file=lambda row: NORMALS_FILE.path(row.scene),
 )

@@ -21,10 +21,9 @@ from legoworld.evaluation.panoptic.truth import check_listed
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.family import answer_file
 from legoworld.readouts.label_maps import id_colors
-from legoworld.records.base import RecordError, decode
+from legoworld.records.base import RecordError, decode, find_repeated
 from legoworld.records.baseline_messages import Message
 from legoworld.records.coco_file import PanopticAnnotation, PanopticAnswers
-from legoworld.records.repeats import find_repeated
 from legoworld.records.run_file import ImageRecord, ImageSource, ImportedFrom
 from legoworld.records.run_rows import Segment
 from legoworld.running.readout_run import RunResult
@@ -123,7 +122,6 @@ BASELINE: Final = BaselineFamily(
     what="panopticapi's JSON, with the folder of its name beside it",
     options=frozenset({"subset"}),
     import_answers=_import,
-    sum_up=lambda summary, _ok: summary,
     own_file=lambda row: answer_file(row.scene, ".png"),
     answered=_answered,
 )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.cards import BaselineCard, baseline_cards
 from legoworld.baselines.child import BaselineProcess, TooSlowError
-from legoworld.baselines.confinement import BaselineConfinement
+from legoworld.baselines.chosen_model import ChosenModel
 from legoworld.baselines.conversation import compute_deadline, first_message
 from legoworld.baselines.request import weights_name, weights_place
 from legoworld.conventions import SCHEMA_VERSION
@@ -22,7 +21,6 @@ from legoworld.plugin.make_evidence import BaselineEvidence
 from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.baseline_messages import ChildRequest, DepthSaid, Message, RequestedImage
-from legoworld.records.cards import OptionValue
 from legoworld.records.plugin_evidence import DepthSpace, ProviderCamera, ProviderRecord
 
 #: What the process is asked for, in place of a task.
@@ -37,29 +35,6 @@ class ProviderFailedError(LegoWorldError):
     code = "provider_failed"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ProviderRequest:
-    """How a provider is asked. As in `BaselineRequest`.
-
-    time_limit_s: for its model, and again for the photo.
-    """
-
-    card: BaselineCard
-    python: Path
-    weights: str
-    device: str
-    dtype: str
-    options: Mapping[str, OptionValue | None]
-    offline: bool
-    time_limit_s: float | None
-    confined: BaselineConfinement
-
-    @property
-    def source(self) -> str:
-        """As evidence names it: "vggt 1.0.0"."""
-        return f"{self.card.name} {self.card.about.version}"
-
-
 def refuse_without_camera(card: BaselineCard) -> None:
     """UsageError for a baseline that recovers no camera."""
     if not card.about.camera:
@@ -72,7 +47,7 @@ def refuse_without_camera(card: BaselineCard) -> None:
 
 
 def ask_provider(
-    request: ProviderRequest, photo: Path, output: Path, log: Callable[[str], None]
+    request: ChosenModel, photo: Path, output: Path, log: Callable[[str], None]
 ) -> BaselineEvidence:
     """The photo's camera and, where the baseline gives one, its relative depth.
 
@@ -114,7 +89,7 @@ def ask_provider(
     return BaselineEvidence(record=record, camera=camera, depth=depth)
 
 
-def _answer(process: BaselineProcess, request: ProviderRequest) -> Message:
+def _answer(process: BaselineProcess, request: ChosenModel) -> Message:
     """The line about the photo; what comes before it is skipped."""
     deadline = compute_deadline(request.time_limit_s)
     while True:
@@ -142,7 +117,7 @@ _MEMORY: Final = "a process that is killed by SIGKILL usually had no memory left
 
 
 def _provider_error(
-    request: ProviderRequest, found: str, expected: str, next_step: str = ""
+    request: ChosenModel, found: str, expected: str, next_step: str = ""
 ) -> ProviderFailedError:
     return ProviderFailedError(
         f"{request.card.name} has no camera for the photo",
@@ -152,7 +127,7 @@ def _provider_error(
     )
 
 
-def _depth(request: ProviderRequest, said: DepthSaid, photo: Path, output: Path) -> GivenDepth:
+def _depth(request: ChosenModel, said: DepthSaid, photo: Path, output: Path) -> GivenDepth:
     path = output / _depth_name(photo)
     if not path.is_file() or sha256_of_file(path) != said.sha256:
         raise _provider_error(
@@ -169,7 +144,7 @@ def _depth_name(photo: Path) -> str:
     return DEPTH_FILE.path(PurePosixPath(photo.name).with_suffix("").as_posix())
 
 
-def _child_request(request: ProviderRequest, image: RequestedImage, output: Path) -> ChildRequest:
+def _child_request(request: ChosenModel, image: RequestedImage, output: Path) -> ChildRequest:
     return ChildRequest(
         schema_version=SCHEMA_VERSION,
         task=CAMERA_TASK,
@@ -187,7 +162,7 @@ def _child_request(request: ProviderRequest, image: RequestedImage, output: Path
     )
 
 
-def _record(request: ProviderRequest, hello: Message, counts: Mapping[str, int]) -> ProviderRecord:
+def _record(request: ChosenModel, hello: Message, counts: Mapping[str, int]) -> ProviderRecord:
     return ProviderRecord(
         name=request.card.name,
         version=request.card.about.version,

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from msgspec.structs import replace
 
-from legoworld.baselines.cards import BaselineCard
-from legoworld.baselines.confinement import BaselineConfinement
+from legoworld.baselines.chosen_model import ChosenModel
 from legoworld.baselines.labels import LabelMap
 from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
 from legoworld.conventions import SCHEMA_VERSION
-from legoworld.errors import UsageError
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.base import UNSET
@@ -23,42 +21,31 @@ from legoworld.records.baseline_messages import (
     RequestedCategory,
     RequestedImage,
 )
-from legoworld.records.cards import OptionValue
 from legoworld.records.run_file import Configuration
+from legoworld.running.readout_run import common_configuration
 from legoworld.tracks.track import Track, TrackImage
-from legoworld.version import __version__
 
 
 @dataclass(frozen=True, kw_only=True)
-class BaselineRequest:
+class BaselineRequest(ChosenModel):
     """All parameters of a baseline's run.
 
-    python, offline, overwrite, confined and time limits never change its results. device: such as
-    "cpu" or "cuda:1"; load_time_limit_s: for the model, None for no limit; time_limit_s: from one
-    answer to the next; pass_variables: further variables of the caller's environment besides those
-    the card names.
+    python, offline, overwrite, confined and time limits never change its results.
+    load_time_limit_s: for the model, None for no limit; pass_variables: further variables of the
+    caller's environment besides those the card names.
     """
 
-    card: BaselineCard
     protocol: Protocol
     track: Track
     photos: Path
-    weights: str
     run: Path
-    python: Path
-    device: str
-    dtype: str
     batch_size: int
-    options: Mapping[str, OptionValue | None]
     labels: LabelMap
     prompts: TruthPrompts | None
-    offline: bool
     overwrite: bool
     limit: int | None
     image_ids: tuple[int, ...]
     load_time_limit_s: float | None
-    time_limit_s: float | None
-    confined: BaselineConfinement
     pass_variables: tuple[str, ...] = ()
 
     @property
@@ -73,42 +60,14 @@ class BaselineRequest:
         return AnswerRules(run=self.run, task=protocol.task.name, vocabulary=protocol.vocabulary)
 
 
-def selected_images(track: Track, image_ids: Sequence[int], limit: int | None) -> list[TrackImage]:
-    """The images to attempt: all of the track's, or those selected by --image-id and --limit.
-
-    Raises UsageError for an id that the track does not have.
-    """
-    images = list(track.images)
-    known = {image.id for image in images}
-    unknown = [i for i in image_ids if i not in known]
-    if unknown:
-        raise UsageError(
-            "the track has no such image",
-            found=f"--image-id {unknown[0]}",
-            expected=f"one of {len(known)} ids, such as {min(known)}",
-        )
-    if image_ids:
-        images = [image for image in images if image.id in image_ids]
-    return images[:limit] if limit is not None else images
-
-
-def common_configuration(
+def baseline_configuration(
     protocol: Protocol, track: Track, images: Sequence[TrackImage], *, partial: bool
 ) -> Configuration:
-    """The part of the configuration shared with a scene's run."""
-    described = [[i.id, i.file_name, i.size_wh] for i in images]
-    return Configuration(
-        schema_version=SCHEMA_VERSION,
+    """The configuration of any baseline's run, imported or not."""
+    return replace(
+        common_configuration(protocol, track, images),
         kind="baseline",
-        task=protocol.task.name,
-        card_version=protocol.card.version,
-        card_sha256=protocol.card.sha256,
-        vocabulary_sha256=protocol.vocabulary.sha256 if protocol.vocabulary else None,
-        track_sha256=track.sha256,
-        images_sha256=sha256_of_text(canonical_json(described)),
-        attempted=len(images),
         partial=partial,
-        legoworld=__version__,
         prediction_order="given" if protocol.vocabulary else UNSET,
     )
 
@@ -120,7 +79,7 @@ def build_configuration(request: BaselineRequest, images: Sequence[TrackImage]) 
     """
     partial = request.limit is not None or bool(request.image_ids)
     return replace(
-        common_configuration(request.protocol, request.track, images, partial=partial),
+        baseline_configuration(request.protocol, request.track, images, partial=partial),
         baseline=request.card.name,
         baseline_version=request.card.about.version,
         baseline_card_sha256=request.card.sha256,

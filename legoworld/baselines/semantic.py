@@ -73,7 +73,6 @@ BASELINE: Final = BaselineFamily(
     what="a folder of PNGs of category ids, named like the photos",
     options=frozenset(),
     import_answers=_import,
-    sum_up=lambda summary, _ok: summary,
     own_file=lambda row: answer_file(row.scene, ".png"),
     answered=_answered,
 )

@@ -31,9 +31,9 @@ from legoworld.records.bench_dataset import (
     RenderCard,
     Tier,
 )
-from legoworld.records.probe import Probe
 from legoworld.records.scene_folder import LabelsFile
 from legoworld.records.second_card import XTruth
+from legoworld.records.track import Probe
 from legoworld.running.error_boundary import classify_error
 from legoworld.running.submission import card_render, card_size
 from legoworld.scene.blender_process import BlenderProcess, Limits

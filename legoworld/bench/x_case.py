@@ -23,8 +23,8 @@ from legoworld.readouts.box_samples import Box, box_samples, mesh_triangles
 from legoworld.readouts.probing import VIEW, Look, looks
 from legoworld.readouts.surface import visible_surface
 from legoworld.records.bench_dataset import ScoredObject
-from legoworld.records.probe import Motion, Probe, SecondView
 from legoworld.records.second_card import CONTEXT, NEAR, OWN
+from legoworld.records.track import Motion, Probe, SecondView
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import SceneCamera, Snapshot

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from legoworld.readouts.box_samples import Box
 from legoworld.readouts.surface import nearest_clip
-from legoworld.records.probe import Probe, SecondView
+from legoworld.records.track import Probe, SecondView
 from legoworld.scene.requests import StandRequest
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.visibility.projection import Projection

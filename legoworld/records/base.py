@@ -8,32 +8,19 @@ import json
 import math
 import re
 import threading
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, Final, TypeAlias, TypeVar
 
 import msgspec
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET as UNSET
+from msgspec import Struct
+from msgspec import UnsetType as UnsetType
 
 from legoworld.files import Json, canonical_json, readable_json, utf8_text
 
-__all__ = [
-    "UNSET",
-    "Record",
-    "RecordError",
-    "UnsetType",
-    "as_json",
-    "canonical",
-    "decode",
-    "decode_foreign",
-    "decode_lines",
-    "number",
-    "read_json",
-    "readable",
-    "short_json",
-    "to_record",
-]
-
 _T = TypeVar("_T")
+_H = TypeVar("_H", bound=Hashable)
 
 
 def _unset() -> UnsetType:
@@ -189,6 +176,11 @@ def short_json(value: Json) -> str:
     """A JSON value in at most 40 characters, for messages."""
     text = json.dumps(value)
     return text if len(text) <= 40 else text[:37] + "..."
+
+
+def find_repeated(values: Iterable[_H]) -> list[_H]:
+    """Each value that occurs more than once, in the order of first occurrences; in linear time."""
+    return [value for value, n in Counter(values).items() if n > 1]
 
 
 def _decoder(kind: type[_T]) -> msgspec.json.Decoder[_T]:

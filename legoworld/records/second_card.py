@@ -18,8 +18,7 @@ from msgspec import Meta
 
 from legoworld.records.base import Record
 from legoworld.records.bench_dataset import BenchImage, Sha256
-from legoworld.records.probe import Probe
-from legoworld.records.track import CategoryInfo, Private
+from legoworld.records.track import CategoryInfo, Private, Probe
 
 CONTEXT: Final = 0
 OWN: Final = 1

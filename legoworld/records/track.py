@@ -1,4 +1,7 @@
-"""A track's file: COCO "image info" JSON, the public half of a dataset, with its questions."""
+"""A track's file: COCO "image info" JSON, the public half of a dataset, with its questions.
+
+`Probe`, of a private track alone: how a submission of bench-x is looked at besides its picture.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.probe import Probe
 
 Box = tuple[int | float, int | float, int | float, int | float]
 Which = Literal["", "leftmost", "rightmost", "closest", "farthest"]
@@ -73,6 +75,37 @@ class Private(Record, frozen=True, kw_only=True):
 
 
 PRIVATE_KEYS: Final = Private.__struct_fields__
+
+
+Vector = tuple[float, float, float]
+#: (4, 4) rows of a rigid motion, metres, OpenCV camera axes.
+Motion = tuple[
+    tuple[float, float, float, float],
+    tuple[float, float, float, float],
+    tuple[float, float, float, float],
+    tuple[float, float, float, float],
+]
+
+
+class SecondView(Record, frozen=True, kw_only=True):
+    """A second camera. cam_from_view: its pose in the frame of the case's camera."""
+
+    cam_from_view: Motion
+    hfov_deg: Annotated[float, Meta(gt=0, lt=180)]
+
+
+class Probe(Record, frozen=True, kw_only=True):
+    """Private: where a case's submission is looked at.
+
+    offset_px: of every raster sample from its pixel's centre, in raster pixels; view: null where no
+    second camera sees the same objects; boxes: of the scored objects in their order, two corners in
+    the camera frame, metres, grown by the tolerance; spacings_m: of the samples in each box.
+    """
+
+    offset_px: tuple[float, float]
+    view: SecondView | None
+    boxes_m: tuple[tuple[Vector, Vector], ...]
+    spacings_m: tuple[float, ...]
 
 
 class ImageInfo(Private, frozen=True, kw_only=True):

@@ -116,9 +116,9 @@ def freeze_scene(
     if PICTURE in artefacts:
         checks[PICTURE] = _check(lambda: check_picture(folder.file(PICTURE)))
     if LABELS in artefacts:
-        checks[LABELS] = _check(lambda: _read_labels(folder))
+        checks[LABELS] = _check(lambda: read_labels_file(folder.file(LABELS)))
     if PROVENANCE in artefacts:
-        checks[PROVENANCE] = _check(lambda: _read_provenance(folder))
+        checks[PROVENANCE] = _check(lambda: read_side_file(folder.path, PROVENANCE, ProvenanceFile))
     if checks[BLEND].code not in _NOT_THE_SCENES_FAULT:
         write_frozen(folder, artefacts, dependencies, checks, bpy=bpy_version())
     good = all(check.status == "ok" for check in checks.values())
@@ -163,25 +163,14 @@ def _check_blend(
     return {BLEND: OK}, read.files.dependencies
 
 
-def _read_labels(folder: SceneFolder) -> None:
-    read_labels_file(folder.file(LABELS))
-
-
-def _read_provenance(folder: SceneFolder) -> None:
-    read_side_file(folder.path, PROVENANCE, ProvenanceFile)
-
-
-def _check(check: Callable[[], None]) -> Verdict:
+def _check(check: Callable[[], object]) -> Verdict:
     try:
         check()
     except LegoWorldError as error:
         return _complaint(error)
     except OSError as error:
-        return _complaint(
-            SceneInvalidError(
-                "the file cannot be read", found=cause(error), expected="a readable file"
-            )
-        )
+        what, expected = "the file cannot be read", "a readable file"
+        return _complaint(SceneInvalidError(what, found=cause(error), expected=expected))
     return OK
 
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from legoworld.errors import ConfigurationMismatchError, UsageError, cause
 from legoworld.files import atomic_path
 from legoworld.readouts.protocol import load_readout_family
-from legoworld.records.base import RecordError, as_json, decode
+from legoworld.records.base import RecordError, as_json, decode, find_repeated
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.read_run import (
     RUN,
@@ -24,7 +24,6 @@ from legoworld.records.folders.read_run import (
     refuse_altered,
 )
 from legoworld.records.folders.run_journal import JOURNAL, JournalledImage, append, journal
-from legoworld.records.repeats import find_repeated
 from legoworld.records.run_file import Configuration, ImageRecord, RunFile, RunSummary, Shard
 from legoworld.records.run_rows import RunRow
 from legoworld.running.readout_run import RunResult, run_document, summarise

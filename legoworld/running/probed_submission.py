@@ -20,9 +20,9 @@ from legoworld.readouts.probing import (
     surface_disagreement,
 )
 from legoworld.readouts.surface import VisibleSurface
-from legoworld.records.probe import Probe
 from legoworld.records.run_rows import RunRow
 from legoworld.records.submission import ProbedFile, RenderFile
+from legoworld.records.track import Probe
 from legoworld.running.submission import (
     BenchRules,
     card_render,

@@ -154,8 +154,10 @@ _SHARED: Final = (
     "scene/hair/spheres.py",
     "scene/hair/strands.py",
     "scene/hair/tubes.py",
+    "scene/triangle_cuts.py",
     "workers/child_process.py",
     "workers/environment.py",
+    "workers/process_privacy.py",
 )
 
 

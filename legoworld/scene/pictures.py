@@ -51,7 +51,8 @@ def decoded_picture(
             expected=f"at most {most_px:,} pixels",
             next_step="write it smaller",
         )
-    if min(width, height) < 1 or (data.startswith(PNG) and not any(_png_ends(data))):
+    ends = not data.startswith(PNG) or any(kind == b"IEND" for kind, _, _ in png_chunks(data))
+    if min(width, height) < 1 or not ends:
         return None
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if color else cv2.IMREAD_UNCHANGED
     try:
@@ -92,10 +93,6 @@ def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
             return
         yield kind, start, end
         start = end
-
-
-def _png_ends(data: bytes) -> Iterator[bool]:
-    return (kind == b"IEND" for kind, _, _ in png_chunks(data))
 
 
 def _webp_size_wh(data: bytes) -> tuple[int, int]:

@@ -10,8 +10,7 @@ from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import Json, canonical_json, sha256_of_text
-from legoworld.records.base import UNSET, RecordError, read_json, to_record
-from legoworld.records.repeats import find_repeated
+from legoworld.records.base import UNSET, RecordError, find_repeated, read_json, to_record
 from legoworld.records.track import CategoryInfo
 from legoworld.shipped import catalog
 from legoworld.tasks.registry import find_task

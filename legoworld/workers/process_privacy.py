@@ -1,11 +1,13 @@
-"""Hiding this process's environment, memory and descriptors from other processes of its user."""
+"""What a process asks of the system for itself: privacy, and an end with its parent."""
 
 from __future__ import annotations
 
 import ctypes
+import signal
 import sys
 from typing import Final
 
+_PR_SET_PDEATHSIG: Final = 1
 _PR_SET_DUMPABLE: Final = 4
 
 
@@ -18,3 +20,9 @@ def hide_process() -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_DUMPABLE, 0, 0, 0, 0)
+
+
+def die_with_parent() -> None:
+    """Be killed when the parent ends, even while busy; without it only reading input ends it."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,6 +17,7 @@ from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.workers.child_process import ChildProcess
 from legoworld.workers.environment import package_path, python_path
+from legoworld.workers.process_privacy import die_with_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -127,17 +127,8 @@ def make_picklable(error: Exception) -> Exception:
     return error
 
 
-def _die_with_owner() -> None:
-    """Ensure that a killed command leaves no busy process; an idle one ends by itself."""
-    if sys.platform == "linux":
-        import ctypes
-
-        pr_set_pdeathsig = 1
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
-
-
 def _main() -> None:
-    _die_with_owner()
+    die_with_parent()  # a killed command leaves no busy process
     # What the function prints is not an answer.
     with suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)

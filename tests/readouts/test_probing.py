@@ -18,7 +18,7 @@ from legoworld.readouts.probing import (
     surface_disagreement,
 )
 from legoworld.readouts.surface import visible_surface
-from legoworld.records.probe import Probe, SecondView
+from legoworld.records.track import Probe, SecondView
 from legoworld.visibility.view import surfaces_through
 
 SIZE, HFOV = (96, 54), 60.0

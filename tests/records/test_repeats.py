@@ -6,7 +6,7 @@ import pytest
 from scene.by_hand import HandScene
 
 from legoworld.errors import CatalogError
-from legoworld.records.repeats import find_repeated
+from legoworld.records.base import find_repeated
 from legoworld.scene import labels
 from legoworld.tracks.track import TrackImage, _refuse_duplicates
 from legoworld.tracks.vocabulary import from_json

@@ -10,9 +10,8 @@ from legoworld.cards import Card
 from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.label_maps.family import MapTruth, MapTruthError
 from legoworld.evaluation.run import Run
-from legoworld.records.base import RecordError, decode
+from legoworld.records.base import RecordError, decode, find_repeated
 from legoworld.records.coco_file import PanopticAnnotation, PanopticTruthFile, SegmentInfo
-from legoworld.records.repeats import find_repeated
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.vocabulary import make_vocabulary
 

@@ -38,10 +38,10 @@ from legoworld.evaluation.reconstruction.reference import (
 from legoworld.evaluation.reconstruction.submission import load_arrays, load_render
 from legoworld.files import sha256_of_file
 from legoworld.readouts.probing import OFFSET, VIEW
-from legoworld.records.probe import SecondView
 from legoworld.records.reconstruction import Flag, FlagKind
 from legoworld.records.second_card import CONTEXT, OWN, BenchXFile, BenchXImage, Object3D, XScores
 from legoworld.records.submission import ProbedFile
+from legoworld.records.track import SecondView
 
 #: The second card's track and truth, in DATASET/private.
 X: Final = "x.json"

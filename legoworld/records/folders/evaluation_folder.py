@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
@@ -18,6 +20,7 @@ from legoworld.files import (
     TEMPORARY_SUFFIX,
     Json,
     atomic_path,
+    canonical_json,
     sha256_of_file,
     write_npz,
     write_text,
@@ -27,7 +30,6 @@ from legoworld.records.base import UNSET, Record, as_json, canonical, readable, 
 from legoworld.records.evaluation_rows import CategoryRow, ImageRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.evidence import EvaluationEvidence, Input, ScoreConfiguration
-from legoworld.records.folders.input_hash import excluded_keys, hash_and_size
 from legoworld.records.folders.read_evaluation import (
     EVIDENCE,
     MATCHES,
@@ -42,6 +44,10 @@ from legoworld.version import __version__
 
 #: Packages a score can depend on; those that are installed are named in evidence.json.
 _PACKAGES: Final = ("numpy", "scipy", "pycocotools", "lvis", "hotcoco", "OpenEXR")
+
+#: Keys of run.json that its hash leaves out: two runs that differ in nothing else are the same
+#: input, so that their evaluations and comparisons have the same bytes.
+TIMES: Final = ("finished_at",)
 
 S = TypeVar("S", bound=Summary)
 E = TypeVar("E", bound=EvaluationEvidence)
@@ -80,6 +86,26 @@ class Evaluation(Generic[S]):
     per_category: Sequence[CategoryRow] = ()
     matches: Mapping[str, NDArray[Any]] | None = None
     view: Mapping[str, Any] = field(default_factory=dict)
+
+
+def excluded_keys(role: str) -> tuple[str, ...]:
+    """The keys that the hash of an input leaves out."""
+    return TIMES if role == "run" else ()
+
+
+def hash_and_size(path: Path, without: Sequence[str] = ()) -> tuple[str, int]:
+    """sha256 and bytes of a file; of its canonical JSON without some keys where any are named.
+
+    ValueError when such a file is no JSON object.
+    """
+    if not without:
+        return sha256_of_file(path), path.stat().st_size
+    document = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(document, dict):
+        raise ValueError(f"not an object: {type(document).__name__}")
+    kept = {key: value for key, value in document.items() if key not in without}
+    content = canonical_json(kept).encode()
+    return hashlib.sha256(content).hexdigest(), len(content)
 
 
 def input_file(role: str, path: Path) -> InputFile:

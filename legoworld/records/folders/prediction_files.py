@@ -14,7 +14,7 @@ from typing import IO, Final, TypeVar
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import atomic_path, canonical_json, sha256_of_file, sha256_of_text
-from legoworld.records.base import RecordError, UnsetType, as_json, decode, decode_lines
+from legoworld.records.base import RecordError, as_json, decode, decode_lines
 from legoworld.records.predictions import Prediction, Scored
 from legoworld.records.run_file import ImageRecord
 
@@ -101,11 +101,8 @@ def has_its_results(record: ImageRecord, folder: Path) -> bool:
     """Whether a stored record's predictions, or its files in the run, are those of its row."""
     if record.row.predictions_sha256:
         return record.row.predictions_sha256 == predictions_sha256(record.predictions)
-    return all(_is_there(folder / file.file, file.sha256) for file in record.row.files)
-
-
-def _is_there(path: Path, sha256: str | UnsetType | None) -> bool:
-    return path.is_file() and sha256_of_file(path) == sha256
+    paths = ((folder / file.file, file.sha256) for file in record.row.files)
+    return all(path.is_file() and sha256_of_file(path) == sha256 for path, sha256 in paths)
 
 
 def write_predictions(

@@ -48,15 +48,6 @@ FOLDERS: Final = ("depth", "normals", "surface", "render", "answer")
 _SUFFIXES: Final = (".npz", ".png", ".json")
 
 
-def delete_files(run: Path) -> None:
-    """Delete the files of all rows."""
-    for name in FOLDERS:
-        folder = run / name
-        for path in sorted(folder.rglob("*")) if folder.is_dir() else ():
-            if path.suffix in _SUFFIXES and path.is_file():
-                path.unlink()
-
-
 _LOCK: Final = ".lock"
 #: Begins the name of the folder in which a baseline's process writes, while it runs.
 BASELINE_SCRATCH: Final = ".legoworld-baseline-"
@@ -287,4 +278,7 @@ def _delete_results(folder: Path) -> None:
     for name in _RESULTS:
         (folder / name).unlink(missing_ok=True)
     delete_predictions(folder)
-    delete_files(folder)
+    for kind in FOLDERS:
+        for path in sorted((folder / kind).rglob("*")):
+            if path.suffix in _SUFFIXES and path.is_file():
+                path.unlink()

@@ -20,9 +20,10 @@ from legoworld.scene.blender.materials import (
     find_cut,
     one_sided_rule,
 )
-from legoworld.scene.blender.meshes import MeshCuts, Triangles, corner_uv, transform_uv
+from legoworld.scene.blender.meshes import Triangles, corner_uv, transform_uv
 from legoworld.scene.blender.shader_links import UnreadableAlphaError
 from legoworld.scene.snapshot import Sides
+from legoworld.scene.triangle_cuts import TriangleCuts
 
 if TYPE_CHECKING:
     import bpy
@@ -57,7 +58,7 @@ class MeshCutter:
 
     def cut(
         self, triangles: Triangles, rules: NDArray[np.int32]
-    ) -> tuple[Triangles, MeshCuts | None]:
+    ) -> tuple[Triangles, TriangleCuts | None]:
         """The remaining triangles; their rules (T,) are numbers of the table.
 
         They keep their order; one that two rules apply to, by its sides, stands there twice.
@@ -204,7 +205,9 @@ def _at_constant(rule: AttributeAlpha, value: float) -> OneSided:
     return one_sided_rule(Curve(source=source.image, of=lambda i: of(source.at(i, value))))
 
 
-def _join_pieces(triangles: Triangles, pieces: list[_Piece]) -> tuple[Triangles, MeshCuts | None]:
+def _join_pieces(
+    triangles: Triangles, pieces: list[_Piece]
+) -> tuple[Triangles, TriangleCuts | None]:
     place = np.concatenate([p.place for p in pieces]) if pieces else np.empty(0, np.int64)
     order = np.argsort(place, kind="stable")
     left = Triangles(
@@ -225,4 +228,4 @@ def _join_pieces(triangles: Triangles, pieces: list[_Piece]) -> tuple[Triangles,
         ]
         alpha = np.concatenate(parts)[order]
     cut = np.repeat(np.array([p.cut for p in pieces], np.int32), count)
-    return left, MeshCuts(cut=cut[order], uv=np.concatenate(uv)[order], alpha=alpha)
+    return left, TriangleCuts(cut=cut[order], uv=np.concatenate(uv)[order], alpha=alpha)

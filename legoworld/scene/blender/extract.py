@@ -16,13 +16,14 @@ from legoworld.scene.blender.cameras import (
     scene_camera,
     scene_cameras,
 )
-from legoworld.scene.blender.meshes import CopiedMesh, MeshCuts
+from legoworld.scene.blender.meshes import CopiedMesh
 from legoworld.scene.blender.occurrences import Walk, walk
 from legoworld.scene.blender.open_file import OpenFile, open_blend
 from legoworld.scene.blender.placements import resolve_placements
 from legoworld.scene.blender.render_state import rendered_view_layer, visit_render_state
 from legoworld.scene.blender.tree import scene_tree
 from legoworld.scene.snapshot import Cutout, RenderSettings, SceneCamera, Snapshot
+from legoworld.scene.triangle_cuts import cut_arrays
 
 if TYPE_CHECKING:
     import bpy
@@ -121,26 +122,13 @@ def _cutouts(alphas: AlphaTable, meshes: list[CopiedMesh]) -> dict[str, Any]:
     order = sorted((int(i) for i in used if i >= 0), key=alphas.sort_key)
     number = np.full(len(alphas.cuts) + 1, -1, np.int32)  # the last one: -1 stays -1
     number[order] = np.arange(len(order), dtype=np.int32)
-    cuts = [m.cuts or _no_cuts(len(m.triangles)) for m in meshes]
-    made = {
+    arrays = cut_arrays([(mesh.cuts, len(mesh.triangles)) for mesh in meshes])
+    return {
+        **arrays,
         "cutouts": tuple(_cutout(alphas.cuts[i]) for i in order),
         "cutout_alphas": tuple(alphas.pictures[i] for i in order),
-        "triangle_cutout": number[np.concatenate([c.cut for c in cuts])],
-        "corner_uv": np.concatenate([c.uv for c in cuts]),
+        "triangle_cutout": number[arrays["triangle_cutout"]],
     }
-    if any(c.alpha is not None for c in cuts):
-        made["corner_alpha"] = np.concatenate(
-            [np.ones((len(c.cut), 3), np.float32) if c.alpha is None else c.alpha for c in cuts]
-        )
-    return made
-
-
-def _no_cuts(n_triangles: int) -> MeshCuts:
-    return MeshCuts(
-        cut=np.full(n_triangles, -1, np.int32),
-        uv=np.zeros((n_triangles, 3, 2), np.float32),
-        alpha=None,
-    )
 
 
 def _cutout(cut: Cut) -> Cutout:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.blender.corner_triangles import triangle_corners
+from legoworld.scene.triangle_cuts import TriangleCuts
 
 if TYPE_CHECKING:
     import bpy
@@ -30,30 +31,18 @@ class Triangles:
         return type(self)(vertices=self.vertices[keep], corners=self.corners[keep])
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeshCuts:
-    """What decides within triangles that alpha cuts in part.
-
-    cut: (T,) int32 index into the cuts of the walk's `AlphaTable`, -1 for none; uv: (T, 3, 2)
-    float32; alpha: (T, 3) float32 at the corners, None for 1.
-    """
-
-    cut: NDArray[np.int32]
-    uv: NDArray[np.float32]
-    alpha: NDArray[np.float32] | None
-
-
 @dataclass(kw_only=True)
 class CopiedMesh:
     """One mesh as it shows, in its own frame: faces that alpha removes are left out.
 
-    vertices: (V, 3) float32; triangles: (T, 3) int32. cuts: None where no triangle has one.
+    vertices: (V, 3) float32; triangles: (T, 3) int32. cuts: by the
+    cuts of the walk's `AlphaTable`, None where no triangle has one.
     corner_normal: (T, 3, 3) float32, 0 of flat triangles; None where all are flat, or not asked.
     """
 
     vertices: NDArray[np.float32]
     triangles: NDArray[np.int32]
-    cuts: MeshCuts | None
+    cuts: TriangleCuts | None
     corner_normal: NDArray[np.float32] | None = None
 
 

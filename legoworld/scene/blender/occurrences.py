@@ -13,7 +13,6 @@ from legoworld.scene.blender.alpha_table import AlphaTable
 from legoworld.scene.blender.cut_meshes import MeshCutter
 from legoworld.scene.blender.meshes import (
     CopiedMesh,
-    MeshCuts,
     Triangles,
     corner_normals,
     mesh_triangles,
@@ -25,6 +24,7 @@ from legoworld.scene.blender.placements import Generator, GraphEntry, Identity
 from legoworld.scene.blender.strands import hair_systems
 from legoworld.scene.blender.thin_meshes import ThinMeshes
 from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
+from legoworld.scene.triangle_cuts import TriangleCuts
 
 if TYPE_CHECKING:
     import bpy
@@ -242,7 +242,7 @@ class _Walker:
         mesh: bpy.types.Mesh,
         vertices: NDArray[np.float32],
         triangles: Triangles,
-        cuts: MeshCuts | None,
+        cuts: TriangleCuts | None,
     ) -> int:
         if not len(triangles.vertices):
             return -1

@@ -9,7 +9,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from typing import Any
 
 from legoworld.errors import LegoWorldError, NoCameraError, NoMeshError
 from legoworld.scene.requests import Request
+from legoworld.workers.process_privacy import die_with_parent
 
 #: The disk that results go to is full or read-only: no scene's fault.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
@@ -26,7 +26,7 @@ _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
 def main() -> int:
     """Serve requests until the input ends."""
-    _die_with_parent()
+    die_with_parent()
     _leave_no_core()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
@@ -38,15 +38,6 @@ def main() -> int:
     answers.flush()
     # Some add-ons and caches abort in Blender's own exit code; all results are written by now.
     os._exit(0)
-
-
-def _die_with_parent() -> None:
-    """End Blender with the command, even if it never reads its input again."""
-    if sys.platform == "linux":
-        import ctypes
-
-        pr_set_pdeathsig = 1
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def _leave_no_core() -> None:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from legoworld.conventions import ALPHA_THRESHOLD
 from legoworld.scene.gltf.accessors import as_float32
-from legoworld.scene.gltf.cutouts import Cut, PictureCut, Pictures
+from legoworld.scene.gltf.cutouts import PictureCut, Pictures
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.materials import TextureAlpha, material_alpha, varying_alpha
 from legoworld.scene.gltf.primitives import Primitive, Primitives
 from legoworld.scene.gltf.verdicts import Budget, unreadable
+from legoworld.scene.triangle_cuts import TriangleCuts
 
-Left = tuple[NDArray[Any], Cut | None]
+Left = tuple[NDArray[Any], TriangleCuts | None]
 """(T, 3) triangles of a primitive, and what cuts them."""
 
 
@@ -51,7 +52,7 @@ class CutSurfaces:
         if cut is None:
             return primitive.triangles, None
         cutout = np.full(len(primitive.triangles), cut[0], np.int32)
-        return primitive.triangles, Cut(cutout=cutout, uv=cut[1], alpha=None)
+        return primitive.triangles, TriangleCuts(cut=cutout, uv=cut[1], alpha=None)
 
     def _vertex_alpha(self, primitive: Primitive) -> NDArray[np.float32]:
         """(V,) alpha of COLOR_0, or (1,) where all vertices have the same; 1 without one."""
@@ -100,9 +101,9 @@ class CutSurfaces:
                 return triangles, None
             cutout = np.where(whole, -1, self._pictures.plain()).astype(np.int32)
             uv = np.zeros((len(triangles), 3, 2), np.float32)
-            return triangles, Cut(cutout=cutout, uv=uv, alpha=alpha[triangles])
+            return triangles, TriangleCuts(cut=cutout, uv=uv, alpha=alpha[triangles])
         cutout = np.full(len(triangles), picture[0], np.int32)
-        return triangles, Cut(cutout=cutout, uv=picture[1], alpha=alpha[triangles])
+        return triangles, TriangleCuts(cut=cutout, uv=picture[1], alpha=alpha[triangles])
 
     def _picture_cut(
         self, primitive: Primitive, rule: TextureAlpha, triangles: NDArray[Any], enough: float

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -81,19 +80,6 @@ def _plain_png(data: bytes) -> bytes | None:
 
 PictureCut = tuple[int, NDArray[np.float32]]
 """Index of a cut-out, and (T, 3, 2) float32 texture coordinates with v upwards."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cut:
-    """Alpha within the triangles of a primitive.
-
-    cutout: (T,) int32 index of a cut-out, -1 for none; uv: (T, 3, 2) float32, v upwards; alpha:
-    (T, 3) float32 at the corners, None for 1.
-    """
-
-    cutout: NDArray[np.int32]
-    uv: NDArray[np.float32]
-    alpha: NDArray[np.float32] | None
 
 
 class Pictures:

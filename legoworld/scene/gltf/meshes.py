@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from legoworld.scene.gltf.accessors import Accessors, as_float32
 from legoworld.scene.gltf.buffers import Buffers
 from legoworld.scene.gltf.cut_surfaces import CutSurfaces
-from legoworld.scene.gltf.cutouts import Cut, Pictures
+from legoworld.scene.gltf.cutouts import Pictures
 from legoworld.scene.gltf.draco import DracoMesh, decode
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.nodes import Node, Tree
 from legoworld.scene.gltf.pose import apply_morphs, apply_skin, default_weights, joint_matrices
 from legoworld.scene.gltf.primitives import Primitive, Primitives, draco_payload, refuse_non_finite
 from legoworld.scene.gltf.verdicts import Budget, unreadable
+from legoworld.scene.triangle_cuts import TriangleCuts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,7 @@ class Part:
     triangles: NDArray[Any]
     normals: NDArray[np.float32] | None
     shared: tuple[Any, ...]  # parts of a mesh with equal values have the same vertices
-    cut: Cut | None
+    cut: TriangleCuts | None
 
 
 class Meshes:

@@ -13,12 +13,12 @@ from legoworld.scene.gltf.accessors import Accessors, as_float32
 from legoworld.scene.gltf.buffers import Buffers
 from legoworld.scene.gltf.cameras import picture_size_wh, scene_camera, scene_cameras
 from legoworld.scene.gltf.container import Glb
-from legoworld.scene.gltf.cutouts import Cut
 from legoworld.scene.gltf.fields import Fields
 from legoworld.scene.gltf.meshes import Meshes, Part
 from legoworld.scene.gltf.nodes import BLENDER_FROM_GLTF, Node, Tree, node_tree, transforms
 from legoworld.scene.gltf.verdicts import Budget, unreadable
 from legoworld.scene.snapshot import RenderSettings, SceneObject, Snapshot
+from legoworld.scene.triangle_cuts import cut_arrays
 
 _INSTANCING: Final = "EXT_mesh_gpu_instancing"
 _LARGEST: Final = 1e20  # as in `nodes`
@@ -209,26 +209,11 @@ def _cutouts(meshes: Meshes) -> dict[str, Any]:
     if not meshes.pictures.cutouts:
         return {}
     parts = [part for of_mesh in meshes.parts for part in of_mesh]
-    cuts = [p.cut or _no_cut(len(p.triangles)) for p in parts]
-    made: dict[str, Any] = {
+    return {
         "cutouts": tuple(meshes.pictures.cutouts),
         "cutout_alphas": tuple(meshes.pictures.alphas),
-        "triangle_cutout": np.concatenate([cut.cutout for cut in cuts]),
-        "corner_uv": np.ascontiguousarray(np.concatenate([cut.uv for cut in cuts])),
+        **cut_arrays([(part.cut, len(part.triangles)) for part in parts]),
     }
-    if any(cut.alpha is not None for cut in cuts):
-        made["corner_alpha"] = np.concatenate(
-            [np.ones((len(c.uv), 3), np.float32) if c.alpha is None else c.alpha for c in cuts]
-        )
-    return made
-
-
-def _no_cut(n_triangles: int) -> Cut:
-    return Cut(
-        cutout=np.full(n_triangles, -1, np.int32),
-        uv=np.zeros((n_triangles, 3, 2), np.float32),
-        alpha=None,
-    )
 
 
 def _render_settings(size_wh: tuple[int, int], scene_name: str) -> RenderSettings:

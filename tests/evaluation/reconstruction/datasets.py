@@ -30,7 +30,6 @@ from legoworld.records.bench_dataset import (
     RenderCard,
     ScoredObject,
 )
-from legoworld.records.probe import Probe, SecondView
 from legoworld.records.second_card import CONTEXT, OWN, BenchXFile, BenchXImage, BenchXInfo, XTruth
 from legoworld.records.submission import (
     BenchRow,
@@ -42,6 +41,7 @@ from legoworld.records.submission import (
     SurfaceFile,
     Validity,
 )
+from legoworld.records.track import Probe, SecondView
 
 SIZE_WH = (96, 54)
 RASTER_WH = (48, 27)

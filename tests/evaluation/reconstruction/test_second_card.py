@@ -28,9 +28,9 @@ from legoworld.evaluation.reconstruction.points import picture_raster
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.second_card import above_empty, shown_first, within
-from legoworld.records.probe import SecondView
 from legoworld.records.second_card import OWN
 from legoworld.records.submission import Check, ImageTexture, Integrity, TextBlock
+from legoworld.records.track import SecondView
 from legoworld.workers.tasks import WorkerPool
 
 CARD = load_card("bench-x")
