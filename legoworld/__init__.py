@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from legoworld.api.report_page import write_report as write_report
     from legoworld.api.scene_folders import execute as execute
     from legoworld.api.scene_folders import freeze as freeze
+    from legoworld.api.scene_folders import import_usd as import_usd
     from legoworld.api.scene_view import SceneView as SceneView
     from legoworld.api.scenes import Scene as Scene
     from legoworld.api.scenes import open_scene as open_scene
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
     from legoworld.api.scoring import score as score
     from legoworld.api.tracks import track_check as track_check
     from legoworld.api.tracks import track_make as track_make
-    from legoworld.api.usd_import import import_usd as import_usd
     from legoworld.api.views import Views as Views
     from legoworld.bench.reward import bench_reward as bench_reward
     from legoworld.endpoint.workspace_finalisation import blender_finalise as blender_finalise
@@ -86,13 +86,12 @@ _NAMES = {
     "legoworld.api.reader": "Failed Ok Reader Reading",
     "legoworld.api.readout": "Run readout",
     "legoworld.api.report_page": "write_report",
-    "legoworld.api.scene_folders": "execute freeze",
+    "legoworld.api.scene_folders": "execute freeze import_usd",
     "legoworld.api.scene_view": "SceneView",
     "legoworld.api.scenes": "Scene open_scene",
     "legoworld.api.score": "score_photo",
     "legoworld.api.scoring": "Truth score",
     "legoworld.api.tracks": "track_check track_make",
-    "legoworld.api.usd_import": "import_usd",
     "legoworld.api.views": "Views",
     "legoworld.bench.reward": "bench_reward",
     "legoworld.endpoint.workspace_finalisation": "blender_finalise",

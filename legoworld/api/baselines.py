@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack, cast
 
 from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.listener import SILENT, Listener
@@ -14,12 +14,16 @@ from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.baseline_import import images_run as read_images_run
 from legoworld.baselines.baseline_run import run_baseline
 from legoworld.baselines.cards import load_baseline
-from legoworld.baselines.chosen_model import ModelOptions, choose_model
 from legoworld.baselines.confinement import BaselineConfinement
-from legoworld.baselines.family import BaselineFamily, ImportListener, load_baseline_family
+from legoworld.baselines.family import (
+    BaselineFamily,
+    ImportListener,
+    ImportOptions,
+    load_baseline_family,
+)
 from legoworld.baselines.foreign_results import next_step_for
 from legoworld.baselines.labels import label_map as read_label_map
-from legoworld.baselines.request import BaselineRequest
+from legoworld.baselines.request import BaselineRequest, ModelOptions, choose_model
 from legoworld.baselines.truth_prompts import read_truth_prompts
 from legoworld.errors import UsageError
 from legoworld.evaluation.depth.integer_units import UNITS, is_unit
@@ -155,7 +159,9 @@ def baseline_import(
         overwrite=overwrite,
     )
     telling = ImportListener(total=listener.total, progress=listener.row, notice=listener.notice)
-    return _run(family.import_answers(request, given_path, given, telling), output)
+    return _run(
+        family.import_answers(request, given_path, cast("ImportOptions", given), telling), output
+    )
 
 
 def warn_unconfined(confined: BaselineConfinement, listener: Listener) -> None:

@@ -78,14 +78,14 @@ def export(
         raise UsageError(f"unknown format {format!r}"[:100], expected="coco or kins")
     file = Path(output)
     if isinstance(run_or_views, str | Path):
-        visible = format == "kins"
-        folder = Path(run_or_views)
-        return export_coco(folder, file, visible=visible, track=track, overwrite=overwrite)
-    if file.suffix != ".json":
-        file.mkdir(parents=True, exist_ok=True)
-        file /= "annotations.json"
-    refuse_existing(file, overwrite=overwrite)
-    document = _document_of_views(run_or_views)
+        refuse_existing(file, overwrite=overwrite)
+        document = document_of_run(Path(run_or_views), visible=format == "kins", track=track)
+    else:
+        if file.suffix != ".json":
+            file.mkdir(parents=True, exist_ok=True)
+            file /= "annotations.json"
+        refuse_existing(file, overwrite=overwrite)
+        document = _document_of_views(run_or_views)
     write_text(file, readable_document(document))
     return document
 
@@ -144,32 +144,16 @@ def _document_of_views(views: Iterable[SceneView]) -> CocoFile:
     )
 
 
-def export_coco(
-    run_folder: Path,
-    output: Path,
-    *,
-    visible: bool,
-    track: Track | str | Path | None,
-    overwrite: bool,
+def document_of_run(
+    run_folder: Path, *, visible: bool = False, track: Track | str | Path | None = None
 ) -> CocoFile:
-    """Write a run of boxes or masks as COCO JSON for dataset tools; return the document.
+    """A run of boxes or masks as a dataset for other tools.
 
     visible: with the visible parts of amodal masks, in KINS's fields. track: source of the
     category names if they are not the shipped dataset's; without it a scene's run gives the
     categories that it predicts. Raises UsageError for a depth run, unknown names or visible parts
-    of other masks, RunUnusableError or PredictionsInvalidError for a damaged run; nothing is
-    written then.
+    of other masks, RunUnusableError or PredictionsInvalidError for a damaged run.
     """
-    refuse_existing(output, overwrite=overwrite)
-    document = document_of_run(run_folder, visible=visible, track=track)
-    write_text(output, readable_document(document))
-    return document
-
-
-def document_of_run(
-    run_folder: Path, *, visible: bool = False, track: Track | str | Path | None = None
-) -> CocoFile:
-    """What `export_coco` writes; UsageError for a run that COCO cannot hold."""
     source = read_run(run_folder)
     if find_family(source.task) != DETECTION:
         raise UsageError(

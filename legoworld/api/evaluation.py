@@ -10,8 +10,13 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypedDict, Unpack, cast, overload
 
 from legoworld.api.arguments import check_argument, check_arguments
-from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
-from legoworld.api.family_options import options_by_task, own_options
+from legoworld.api.by_task import (
+    ByTask,
+    folder_of_task,
+    options_by_task,
+    own_options,
+    refuse_result_at,
+)
 from legoworld.api.folders import parse_place, read_from, written_whole
 from legoworld.api.listener import SILENT, Listener
 from legoworld.errors import LegoWorldError, UsageError

@@ -7,8 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from legoworld.api.arguments import check_arguments
-from legoworld.api.by_task import ByTask, folder_of_task, tasks_below
-from legoworld.api.family_options import options_by_task
+from legoworld.api.by_task import ByTask, folder_of_task, options_by_task, tasks_below
 from legoworld.api.folders import parse_place, read_from, written_at
 from legoworld.api.readout import Run
 from legoworld.records.folders.read_run import RUN

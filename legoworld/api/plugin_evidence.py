@@ -12,8 +12,8 @@ from legoworld.api.baselines import warn_unconfined
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import load_protocol
 from legoworld.baselines.cards import load_baseline
-from legoworld.baselines.chosen_model import ChosenModel, ModelOptions, choose_model
 from legoworld.baselines.photo_provider import ask_provider, refuse_without_camera
+from legoworld.baselines.request import ChosenModel, ModelOptions, choose_model
 from legoworld.errors import UsageError
 from legoworld.plugin.make_evidence import BaselineEvidence, UserEvidence, make_evidence
 from legoworld.records.plugin_evidence import DepthSpace, EvidenceFile

@@ -10,8 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import check_arguments
-from legoworld.api.by_task import ByTask, folder_of_task, refuse_result_at
-from legoworld.api.family_options import options_by_task
+from legoworld.api.by_task import ByTask, folder_of_task, options_by_task, refuse_result_at
 from legoworld.api.folders import parse_place, written_at
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import (

@@ -6,7 +6,7 @@ import weakref
 from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from legoworld.api.arguments import check_arguments, optional_path
 from legoworld.api.cameras import (
@@ -42,18 +42,6 @@ from legoworld.workers.processors import usable_cores
 
 if TYPE_CHECKING:
     from legoworld.readouts.relation_kinds import FactBase
-
-
-class SceneOptions(TypedDict, total=False):
-    """The keyword arguments of `open_scene`."""
-
-    source: Source
-    cache: Cache
-    require_frozen: bool
-    allow_changed: bool
-    shading: bool
-    time_limit_s: float
-    memory_limit_gib: float
 
 
 @check_arguments

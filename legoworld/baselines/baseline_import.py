@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,10 +18,10 @@ from legoworld.files import EncodingError, canonical_json, sha256_of_file, sha25
 from legoworld.pluralize import in_another_folder
 from legoworld.readouts.protocol import Protocol
 from legoworld.records.folders import run_folder
-from legoworld.records.folders.run_journal import JournalledImage, append, journal
-from legoworld.records.run_file import BaselineAbout, Configuration, ImageRecord, Imported
+from legoworld.records.folders.run_journal import append, journal
+from legoworld.records.run_file import BaselineAbout, ImageRecord, Imported
 from legoworld.running.image_record import failed_record
-from legoworld.running.readout_run import RunResult
+from legoworld.running.readout_run import Progress, RunResult
 from legoworld.tracks.track import Track, TrackImage
 
 
@@ -79,32 +79,49 @@ def images_run(path: Path, images: Sequence[TrackImage]) -> frozenset[int]:
     return frozenset(names[str(entry)] for entry in entries)
 
 
-def not_run_on(image: TrackImage) -> ImageRecord:
-    """The record of an image that the results do not cover."""
-    return failed_record(image, ResultMissingError("not among the images it was run on"))
+def import_record(
+    request: ImportRequest, image: TrackImage, answer: Callable[[TrackImage], ImageRecord]
+) -> ImageRecord:
+    """The record of an image, by `answer` where the results cover it; its error is the image's."""
+    try:
+        if not request.was_run_on(image):
+            raise ResultMissingError("not among the images it was run on")
+        return answer(image)
+    except LegoWorldError as error:
+        return failed_record(image, error)
 
 
-def import_configuration(
-    request: ImportRequest, images: Sequence[TrackImage], imported: Imported
-) -> Configuration:
-    """Everything an import's results depend on. imported: the input and its declarations."""
+def write_import(
+    request: ImportRequest,
+    imported: Imported,
+    records: Callable[[Sequence[ImageRecord]], Iterable[ImageRecord]],
+    progress: Progress = lambda _row: None,
+) -> RunResult:
+    """Make the run folder of an import. imported: the input and its declarations.
+
+    records: all records in the track's order, from those of an earlier, equal import.
+    """
     ran_on = sorted(request.ran_on) if request.ran_on is not None else None
-    return replace(
-        baseline_configuration(request.protocol, request.track, images, partial=False),
+    configuration = replace(
+        baseline_configuration(
+            request.protocol, request.track, request.track.images, partial=False
+        ),
         baseline=request.name,
         imported=imported,
         images_run_sha256=sha256_of_text(canonical_json(ran_on)) if ran_on else None,
         subset=request.subset,
         used_truth=None,
     )
-
-
-def write_import(
-    request: ImportRequest, records: Sequence[JournalledImage], configuration: Configuration
-) -> RunResult:
-    """The run folder's canonical files, from journalled records in the track's order."""
-    baseline = BaselineAbout(name=request.name, imported=configuration.imported)
-    return write_run(request.run, records, configuration, baseline)
+    with run_folder.lock_run(request.run):
+        earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
+        made = records(earlier)
+        with journal(request.run) as stream:
+            stored = []
+            for record in made:
+                stored.append(append(stream, record))
+                progress(record.row)
+        baseline = BaselineAbout(name=request.name, imported=imported)
+        return write_run(request.run, stored, configuration, baseline)
 
 
 def import_images(
@@ -118,22 +135,15 @@ def import_images(
     answer: an image's record, written below the run where it has a file; a LegoWorldError of it is
     that image's row.
     """
-    images = list(request.track.images)
+    images = request.track.images
     telling.total(len(images))
     if source.is_dir():
         imported = Imported(folder=source.resolve().name)
     else:
         imported = Imported(file=source.name, sha256=sha256_of_file(source))
-    with run_folder.lock_run(request.run):
-        configuration = import_configuration(request, images, imported)
-        run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
-        with journal(request.run) as stream:
-            records = []
-            for image in images:
-                try:
-                    record = answer(image) if request.was_run_on(image) else not_run_on(image)
-                except LegoWorldError as error:
-                    record = failed_record(image, error)
-                records.append(append(stream, record))
-                telling.progress(record.row)
-        return write_import(request, records, configuration)
+    return write_import(
+        request,
+        imported,
+        lambda _earlier: (import_record(request, image, answer) for image in images),
+        telling.progress,
+    )

@@ -1,30 +1,90 @@
-"""Depth of baselines."""
+"""Depth of baselines: folders of arrays, and a process's files, read back as in scoring."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from msgspec import structs
+from msgspec.structs import replace
 
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth_folder import (
     DepthDeclared,
     planar_depth,
+    predicted_px,
     read_cameras_file,
     write_array,
 )
-from legoworld.baselines.depth_records import answered_depth, depth_record
-from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
 from legoworld.baselines.pixel_matching import Naming
-from legoworld.files import canonical_json, sha256_of_text
+from legoworld.baselines.records import AnswerInvalidError, AnswerRules
+from legoworld.evaluation.depth.family import PIXELS
+from legoworld.evaluation.depth.labelled import read_prediction
+from legoworld.evaluation.pixels.resampling import size_check
+from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.readouts.depth import DEPTH_FILE
-from legoworld.records.run_file import Imported, RunSummary
-from legoworld.records.run_rows import RunRow
+from legoworld.records.base import UNSET, canonical
+from legoworld.records.baseline_messages import DepthSaid, Message
+from legoworld.records.run_file import ImageRecord, ImageSource, Imported, RunSummary
+from legoworld.records.run_rows import DepthFile, RunRow
+from legoworld.running.image_record import initial_row
 from legoworld.running.readout_run import RunResult
+from legoworld.tracks.track import TrackImage
+
+
+def answered_depth(
+    image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
+) -> ImageRecord:
+    """A child's answer as a record. LegoWorldError for a file that `evaluate` would refuse."""
+    record = depth_record(image, rules.run, source)
+    _check_depth_answer(answer.depth, record.row)
+    return record
+
+
+def depth_record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
+    """The record of one image's depth file in the run, read back and checked.
+
+    LegoWorldError if it is missing, undeclared, or cannot be scored.
+    """
+    name = DEPTH_FILE.path(image.scene)
+    path = run / name
+    if not path.is_file():
+        raise AnswerInvalidError("the depth file was not written", expected=name)
+    assert image.size_wh is not None
+    array = read_prediction(path, size_check(PIXELS, image.size_wh))
+    depth = DepthFile(
+        file=name,
+        space=array.space,
+        unit=array.unit,
+        bytes=path.stat().st_size,
+        sha256=sha256_of_file(path),
+        finite_px=predicted_px(array, image),
+    )
+    row = replace(initial_row(image), rendered_wh=array.size_wh, depth=depth)
+    return ImageRecord(row=row, scene=source)
+
+
+def _check_depth_answer(said: DepthSaid | None, row: RunRow) -> None:
+    """Check that the written file is the one the child reported."""
+    assert row.depth
+    assert row.rendered_wh
+    answered = DepthSaid(
+        sha256=row.depth.sha256 or "",
+        size_wh=row.rendered_wh,
+        space=row.depth.space or "",
+        unit=None if row.depth.unit is UNSET else row.depth.unit,
+    )
+    if said != answered:
+        raise AnswerInvalidError(
+            "the depth file is not the one the baseline spoke of",
+            found=canonical(answered),
+            expected=canonical(said) if said else "a word about the file",
+        )
+
 
 #: --suffix sets any other ending.
 NAMING: Final = Naming(
@@ -36,7 +96,7 @@ NAMING: Final = Naming(
 )
 
 
-def depth_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
+def depth_source(folder: Path, options: ImportOptions) -> PixelSource:
     """A folder of depth arrays, by the options of its import."""
     declared = declared_depth(options)
     return PixelSource(
@@ -51,7 +111,7 @@ def depth_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
     )
 
 
-def declared_depth(options: Mapping[str, Any]) -> DepthDeclared:
+def declared_depth(options: ImportOptions) -> DepthDeclared:
     """What the options of an import say of a folder's depth."""
     intrinsics = options.get("intrinsics")
     return DepthDeclared(
@@ -62,7 +122,7 @@ def declared_depth(options: Mapping[str, Any]) -> DepthDeclared:
     )
 
 
-def imported_depth(folder: Path, declared: DepthDeclared, options: Mapping[str, Any]) -> Imported:
+def imported_depth(folder: Path, declared: DepthDeclared, options: ImportOptions) -> Imported:
     """What a run says of the folder of depth that it is of."""
     cameras = {name: [*camera.intrinsics_px] for name, camera in declared.cameras.items()}
     return Imported(
@@ -76,7 +136,7 @@ def imported_depth(folder: Path, declared: DepthDeclared, options: Mapping[str, 
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
+    request: ImportRequest, source: Path, options: ImportOptions, telling: ImportListener
 ) -> RunResult:
     answers = depth_source(source, options)
     telling.total(len(request.track.images))

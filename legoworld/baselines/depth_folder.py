@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.baselines.depth_records import predicted_px
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import (
     DepthArray,
+    DepthPredictionError,
     Intrinsics,
     checked_array,
     ray_lengths,
@@ -90,6 +90,24 @@ def planar_depth(source: DepthDeclared, path: Path, image: TrackImage) -> DepthA
         source=path.name,
         stored=array.stored,
     )
+
+
+def predicted_px(array: DepthArray, image: TrackImage) -> int:
+    """The number of pixels with a prediction, as in scoring (`DepthArray.at`).
+
+    DepthPredictionError for an array that cannot be scored: of the wrong size, or without a
+    prediction at any pixel.
+    """
+    assert image.size_wh is not None
+    size_check(PIXELS, image.size_wh)(array.size_wh)
+    predicted = array.prediction_mask(array.values)
+    if not predicted.any():
+        raise DepthPredictionError(
+            "the depth has no prediction at any pixel",
+            found="no finite number" + ("" if array.space == "disparity" else " above 0"),
+            expected="finite numbers" + ("" if array.space == "disparity" else " above 0"),
+        )
+    return int(predicted.sum())
 
 
 def _read_declared_array(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from msgspec import structs
 
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.detection_import import DetectionSource, import_detections
-from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.baselines.labels import label_map
 from legoworld.baselines.records import answered_detections
 from legoworld.records.run_file import RunSummary
@@ -19,7 +19,7 @@ from legoworld.running.readout_run import RunResult
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
+    request: ImportRequest, source: Path, options: ImportOptions, telling: ImportListener
 ) -> RunResult:
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None

@@ -9,8 +9,7 @@ from typing import Final
 
 from legoworld.baselines.baseline_import import (
     ImportRequest,
-    import_configuration,
-    not_run_on,
+    import_record,
     write_import,
 )
 from legoworld.baselines.box_formats import (
@@ -61,8 +60,6 @@ from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
 from legoworld.pluralize import plural, share, word_for
-from legoworld.records.folders import run_folder
-from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom
 from legoworld.running.readout_run import RunResult
 from legoworld.tracks.track import TrackImage
@@ -118,15 +115,9 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
         own = Predictions(entries=entries, warnings=(), n_dropped_empty=0)
         return detection_record(image, own, ImageSource(source=ImportedFrom(file=source.path.name)))
 
-    with run_folder.lock_run(request.run):
-        configuration = import_configuration(request, images, imported)
-        run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
-        with journal(request.run) as stream:
-            records = [
-                append(stream, record(i) if request.was_run_on(i) else not_run_on(i))
-                for i in images
-            ]
-        return write_import(request, records, configuration)
+    return write_import(
+        request, imported, lambda _earlier: (import_record(request, i, record) for i in images)
+    )
 
 
 def _say_placed(placed: MatchedResults, of: int, notice: Say) -> None:

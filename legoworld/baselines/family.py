@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 from legoworld.errors import UsageError
 from legoworld.records.run_file import RunSummary
@@ -15,6 +15,8 @@ from legoworld.tasks.registry import find_family
 
 if TYPE_CHECKING:
     from legoworld.baselines.baseline_import import ImportRequest
+    from legoworld.baselines.box_formats import BoxFormat
+    from legoworld.baselines.category_ids import CategoryIds
     from legoworld.baselines.records import AnswerRules
     from legoworld.records.baseline_messages import Message
     from legoworld.records.run_file import ImageRecord, ImageSource
@@ -28,6 +30,21 @@ class ImportListener:
     total: Callable[[int], None]
     progress: Progress
     notice: Callable[[str], None]
+
+
+class ImportOptions(TypedDict, total=False):
+    """What is declared of imported results, as far as it is; each family takes some of it."""
+
+    box_format: BoxFormat
+    category_ids: CategoryIds
+    label_map: Path
+    subset: bool
+    space: str
+    unit: str
+    sign: str
+    array: str
+    suffix: str
+    intrinsics: Path
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +61,7 @@ class BaselineFamily:
     of_folder: bool
     what: str
     options: frozenset[str]
-    import_answers: Callable[[ImportRequest, Path, Mapping[str, Any], ImportListener], RunResult]
+    import_answers: Callable[[ImportRequest, Path, ImportOptions, ImportListener], RunResult]
     sum_up: Callable[[RunSummary, Sequence[RunRow]], RunSummary] = lambda summary, _ok: summary
     own_file: Callable[[RunRow], str] | None = None
     answered: Callable[[TrackImage, Message, AnswerRules, ImageSource], ImageRecord] | None = None

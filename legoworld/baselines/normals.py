@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from msgspec.structs import replace
@@ -14,7 +14,7 @@ from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth import NAMING as DEPTH_NAMING
 from legoworld.baselines.depth import declared_depth, imported_depth
 from legoworld.baselines.depth_normals import normals_of_depth
-from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
 from legoworld.baselines.pixel_matching import Naming
 from legoworld.errors import UsageError
@@ -43,7 +43,7 @@ NAMING: Final = Naming(
 )
 
 
-def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
+def normals_source(folder: Path, options: ImportOptions) -> PixelSource:
     """A folder of arrays of normals, or of depth, by the options of its import.
 
     UsageError for a depth with a sign, or intrinsics of normals.
@@ -67,7 +67,7 @@ def normals_source(folder: Path, options: Mapping[str, Any]) -> PixelSource:
 _Source = tuple[Naming, Imported, Callable[[Path, TrackImage], NormalsArray]]
 
 
-def _of_normals(folder: Path, options: Mapping[str, Any]) -> _Source:
+def _of_normals(folder: Path, options: ImportOptions) -> _Source:
     if other := [name for name in ("unit", "intrinsics") if options.get(name) is not None]:
         raise UsageError(
             f"--{other[0]} is for depth that normals are fitted to",
@@ -84,7 +84,7 @@ def _of_normals(folder: Path, options: Mapping[str, Any]) -> _Source:
     return NAMING, imported, partial(_read, declared)
 
 
-def _of_depth(folder: Path, options: Mapping[str, Any]) -> _Source:
+def _of_depth(folder: Path, options: ImportOptions) -> _Source:
     if options.get("sign") is not None:
         raise UsageError(
             "normals that are fitted to depth point towards the camera",
@@ -138,7 +138,7 @@ def _record(image: TrackImage, run: Path, source: ImageSource) -> ImageRecord:
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
+    request: ImportRequest, source: Path, options: ImportOptions, telling: ImportListener
 ) -> RunResult:
     telling.total(len(request.track.images))
     answers = normals_source(source, options)

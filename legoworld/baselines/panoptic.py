@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.baselines.baseline_import import ImportRequest, import_images
-from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.baselines.label_maps import answered_masks, map_record
 from legoworld.baselines.records import AnswerInvalidError, AnswerRules, ResultMissingError
 from legoworld.errors import CatalogError, UsageError, cause
@@ -32,7 +31,7 @@ from legoworld.visibility.runs import instance_extents
 
 
 def _import(
-    request: ImportRequest, source: Path, _options: Mapping[str, object], telling: ImportListener
+    request: ImportRequest, source: Path, _options: ImportOptions, telling: ImportListener
 ) -> RunResult:
     by_image, folder = _answers(request, source), source.with_suffix("")
     vocabulary = request.protocol.vocabulary

@@ -10,9 +10,8 @@ from typing import Final
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.cards import BaselineCard, baseline_cards
 from legoworld.baselines.child import BaselineProcess, TooSlowError
-from legoworld.baselines.chosen_model import ChosenModel
 from legoworld.baselines.conversation import compute_deadline, first_message
-from legoworld.baselines.request import weights_name, weights_place
+from legoworld.baselines.request import ChosenModel, weights_name, weights_place
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.files import sha256_of_file

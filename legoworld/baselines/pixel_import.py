@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from legoworld.baselines.baseline_import import (
     ImportRequest,
-    import_configuration,
+    import_record,
     write_import,
 )
 from legoworld.baselines.pixel_matching import Match, Matches, Naming, match_files
@@ -23,10 +23,7 @@ from legoworld.evaluation.pixels.family import PixelArray
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import plural
 from legoworld.readouts.pixels import PixelFile
-from legoworld.records.folders import run_folder
-from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import ImageRecord, ImageSource, Imported, ImportedFrom, ReadArray
-from legoworld.running.image_record import failed_record
 from legoworld.running.readout_run import Progress, RunResult
 from legoworld.running.scene_pass import check_disk
 from legoworld.tracks.track import TrackImage
@@ -67,9 +64,8 @@ def import_pixels(
     matches = match_files(source.folder, images, source.suffix, source.naming)
     _refuse_unusable(request, source, images, matches)
     _notice_names(matches, notice)
-    with run_folder.lock_run(request.run):
-        configuration = import_configuration(request, images, source.imported)
-        earlier = run_folder.prepare(request.run, configuration, overwrite=request.overwrite)
+
+    def records(earlier: Sequence[ImageRecord]) -> Iterator[ImageRecord]:
         by_id = {record.row.image_id: record for record in earlier}
         sizes = [i.size_wh for i in images if i.id not in by_id and i.size_wh is not None]
         check_disk(
@@ -79,36 +75,31 @@ def import_pixels(
             what=source.naming.noun,
             next_step="free some space, or choose another -o",
         )
-        with journal(request.run) as stream:
-            records = []
-            for record in _records(request, source, matches, by_id):
-                records.append(append(stream, record))
-                progress(record.row)
-        return write_import(request, records, configuration)
+
+        def answer(image: TrackImage) -> ImageRecord:
+            return _answer(request, source, matches, by_id.get(image.id), image)
+
+        return (import_record(request, image, answer) for image in images)
+
+    return write_import(request, source.imported, records, progress)
 
 
-def _records(
+def _answer(
     request: ImportRequest,
     source: PixelSource,
     matches: Matches,
-    earlier: Mapping[int, ImageRecord],
-) -> Iterator[ImageRecord]:
-    for image in request.track.images:
-        try:
-            if not request.was_run_on(image):
-                raise ResultMissingError("not among the images it was run on")
-            match = _existing(matches, image, source.naming.noun)
-            file = match.path.relative_to(source.folder).as_posix()
-            digest = sha256_of_file(match.path)
-            entry = ImageSource(source=ImportedFrom(file=file, sha256=digest, matched_by=match.how))
-            if image.id in earlier and is_intact(earlier[image.id], request.run, entry):
-                yield earlier[image.id]
-                continue
-            array = source.read(match.path, image)
-            source.write(request.run / source.stored.path(image.scene), array)
-            yield _record(image, request, source, entry, array)
-        except LegoWorldError as error:
-            yield failed_record(image, error)
+    earlier: ImageRecord | None,
+    image: TrackImage,
+) -> ImageRecord:
+    match = _existing(matches, image, source.naming.noun)
+    file = match.path.relative_to(source.folder).as_posix()
+    digest = sha256_of_file(match.path)
+    entry = ImageSource(source=ImportedFrom(file=file, sha256=digest, matched_by=match.how))
+    if earlier is not None and is_intact(earlier, request.run, entry):
+        return earlier
+    array = source.read(match.path, image)
+    source.write(request.run / source.stored.path(image.scene), array)
+    return _record(image, request, source, entry, array)
 
 
 def _record(

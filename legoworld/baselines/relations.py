@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from msgspec.structs import replace
 
 from legoworld.baselines.baseline_import import ImportRequest, import_images
-from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.errors import CatalogError, UsageError, cause, one_line
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import did_you_mean
@@ -24,7 +23,7 @@ from legoworld.tracks.track import TrackImage
 
 
 def _import(
-    request: ImportRequest, source: Path, options: Mapping[str, Any], telling: ImportListener
+    request: ImportRequest, source: Path, options: ImportOptions, telling: ImportListener
 ) -> RunResult:
     answers = _answers(request, source, subset=bool(options.get("subset")))
     sha256 = sha256_of_file(source)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from legoworld.baselines.baseline_import import ImportRequest, import_images
-from legoworld.baselines.family import BaselineFamily, ImportListener
+from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.baselines.label_maps import answered_masks, map_record
 from legoworld.baselines.records import AnswerRules, ResultMissingError
 from legoworld.evaluation.label_maps.family import MapInvalidError
@@ -26,7 +25,7 @@ from legoworld.tracks.track import TrackImage
 
 
 def _import(
-    request: ImportRequest, source: Path, _options: Mapping[str, object], telling: ImportListener
+    request: ImportRequest, source: Path, _options: ImportOptions, telling: ImportListener
 ) -> RunResult:
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None

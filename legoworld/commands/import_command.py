@@ -31,7 +31,7 @@ def command(usd: Path, output: Path, out: Output, **given: Any) -> int:
       legoworld import kitchen.usdc -o scenes/kitchen
       legoworld import desk.usda -o scenes/desk --overwrite
     """
-    from legoworld.api.usd_import import import_usd
+    from legoworld.api.scene_folders import import_usd
 
     made = import_usd(usd, output, **given)
     for lost in made.losses:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,7 +19,6 @@ from legoworld.remote import Place
 
 if TYPE_CHECKING:
     from legoworld.api.scene_view import SceneView
-    from legoworld.api.scenes import SceneOptions
     from legoworld.records.scene_folder import InstanceRow
     from legoworld.running.source_comparison import Pair, SourceComparison
 
@@ -59,7 +58,7 @@ def command(
     output: Path | None,
     animation: Path | None,
     out: Output,
-    **given: Unpack[SceneOptions],
+    **given: Any,
 ) -> int:
     """Show the instances of one SCENE, and why some are not visible.
 

@@ -72,7 +72,9 @@ class ReadoutFamily:
     answer where it is one array. sum_up raises RunDamagedError for rows that no run writes.
     """
 
-    sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary]
+    sum_up: Callable[[RunSummary, Sequence[RunRow], Sequence[RunRow]], RunSummary] = (
+        lambda summary, _rows, _ok: summary
+    )
     exports: Callable[[str, AnsweredImage], list[Export]] | None = None
     write: Callable[[RunRow, AnsweredImage], RunRow] | None = None
     complete: Callable[[Path, Sequence[RunRow]], None] | None = None

@@ -46,7 +46,6 @@ def _write(row: RunRow, image: AnsweredImage) -> RunRow:
 
 READOUT: Final = ReadoutFamily(
     write=_write,
-    sum_up=lambda summary, _rows, _ok: summary,
     file_bytes=NORMALS_FILE.most_bytes,
     needs_instances=False,
     normals=True,

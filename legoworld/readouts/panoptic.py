@@ -87,7 +87,6 @@ def _picture(image: AnsweredImage) -> Rgb:
 
 READOUT: Final = ReadoutFamily(
     write=_write,
-    sum_up=lambda summary, _rows, _ok: summary,
     complete=write_segments_file,
     file_bytes=most_bytes,
     picture=_picture,

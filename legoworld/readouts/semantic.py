@@ -25,7 +25,6 @@ def _write(row: RunRow, image: AnsweredImage) -> RunRow:
 
 READOUT: Final = ReadoutFamily(
     write=_write,
-    sum_up=lambda summary, _rows, _ok: summary,
     file_bytes=most_bytes,
     picture=lambda image: category_picture(_map(image)),
 )

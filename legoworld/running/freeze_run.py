@@ -30,6 +30,7 @@ from legoworld.scene.folder import (
     PROVENANCE,
     SceneFolder,
     find_scene,
+    leaves_scenes,
 )
 from legoworld.scene.freeze import (
     FileHash,
@@ -40,7 +41,6 @@ from legoworld.scene.freeze import (
     write_frozen,
 )
 from legoworld.scene.labels import read_labels_file
-from legoworld.scene.outside_files import leaves_scenes
 from legoworld.scene.read_scene import read_scene
 from legoworld.scene.side_files import read_side_file
 from legoworld.tracks.track import make_folder_track

@@ -26,10 +26,9 @@ from legoworld.running.reconstruction_image import read_submission
 from legoworld.running.shared_scene import HashedScene, SharedScene
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import files_in
-from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SceneFolder
+from legoworld.scene.folder import BLEND, GLB, LABELS, PROVENANCE, SceneFolder, leaves_scenes
 from legoworld.scene.freeze import FrozenFiles, Hashes, hashed_dependencies
 from legoworld.scene.labels import Labels, labels_in, resolve_labels
-from legoworld.scene.outside_files import leaves_scenes
 from legoworld.scene.read_scene import read_hashed_side_file
 from legoworld.tracks.track import TrackImage
 from legoworld.visibility.normals import Variant

@@ -1,13 +1,14 @@
-"""Scenes on disk: the folder that an agent delivers for one photo, or one .blend or .glb file."""
+"""The files of a scene folder, where a scene is found, and names of files outside of it."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import Final, Literal
 
 from legoworld.errors import SceneMissingError
+from legoworld.files import sha256_of_text
 
 Source = Literal["blend", "glb"]
 
@@ -138,3 +139,28 @@ def file_source(path: Path, source: Source) -> Source:
     if not is_scene_file(path):
         return source
     return "glb" if path.suffix.lower() == ".glb" else "blend"
+
+
+#: No relative path begins like this: a folder's name is not empty.
+OUTSIDE: Final = "outside://"
+
+
+def leaves_scenes(name: str, scene: SceneFolder) -> bool:
+    """Whether a dependency, relative to the scene folder or absolute, lies outside of SCENES."""
+    if name.startswith((OUTSIDE, "/")) or PureWindowsPath(name).drive:
+        return True
+    upwards = sum(part == ".." for part in PurePath(name).parts)
+    depth = len(PurePosixPath(scene.name).parts) - (scene.lone is not None)
+    return upwards > max(depth, 0)
+
+
+def recorded_name(name: str, scene: SceneFolder) -> str:
+    """What records call a dependency: its relative path, or what says no path."""
+    if name.startswith(OUTSIDE) or not leaves_scenes(name, scene):
+        return name
+    return outside_name(name)
+
+
+def outside_name(name: str) -> str:
+    """A path's hash and the file's own name."""
+    return f"{OUTSIDE}{sha256_of_text(ascii(name))[:16]}/{PureWindowsPath(name).name}"

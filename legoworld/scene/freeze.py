@@ -31,8 +31,10 @@ from legoworld.scene.folder import (
     PROGRAM,
     URDF_SUFFIX,
     SceneFolder,
+    leaves_scenes,
+    outside_name,
+    recorded_name,
 )
-from legoworld.scene.outside_files import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.side_files import SIZE_LIMITS, hash_side_file, program_warnings, read_side_file
 from legoworld.version import __version__
 

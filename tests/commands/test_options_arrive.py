@@ -138,7 +138,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
       "size_wh": (40, 30), "source": "glb", "require_frozen": True, "overwrite": True,
       "cache": False, "time_limit_s": 9.0, "memory_limit_gib": 2.0}),
     (f"import {TRACK} -o out --overwrite --time-limit 9 --memory-limit 2",
-     "legoworld.api.usd_import.import_usd",
+     "legoworld.api.scene_folders.import_usd",
      {"0": TRACK, "1": Path("out"), "overwrite": True, "time_limit_s": 9.0,
       "memory_limit_gib": 2.0}),
     ("merge . d -o out --images-per-file 7 --overwrite",
@@ -160,7 +160,7 @@ STUBS: Final = (
     "legoworld.api.bench.read_dataset",
     "legoworld.agents.campaign.plan_run",
     "legoworld.api.report_page.read_sources",
-    "legoworld.baselines.chosen_model.chosen_python",
+    "legoworld.baselines.request.chosen_python",
 )
 
 

@@ -7,8 +7,8 @@ import json
 import pytest
 
 from legoworld.api.exporting import export
+from legoworld.api.scene_folders import import_usd
 from legoworld.api.scenes import open_scene
-from legoworld.api.usd_import import import_usd
 from legoworld.errors import LegoWorldError, UsageError
 
 SCENES = """

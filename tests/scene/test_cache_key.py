@@ -32,8 +32,6 @@ NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_code
                      "scene/requests.py", "records/bench_dataset.py", "records/track.py",
                      # the names of USD's labels, which only its import looks for
                      "scene/usd_labels.py",
-                     # what a private track asks besides
-                     "records/probe.py",
                      # what a transaction compares, beside the snapshot
                      "records/plugin_state.py")  # fmt: skip
 

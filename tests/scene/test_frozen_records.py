@@ -12,7 +12,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import NotFrozenError, SceneChangedError, SceneInvalidError
 from legoworld.records.scene_folder import OK, Verdict
 from legoworld.scene import freeze
-from legoworld.scene.folder import SceneFolder
+from legoworld.scene.folder import SceneFolder, leaves_scenes, outside_name, recorded_name
 from legoworld.scene.freeze import (
     FrozenFiles,
     checked_artefacts,
@@ -20,7 +20,6 @@ from legoworld.scene.freeze import (
     hashed_dependencies,
     write_frozen,
 )
-from legoworld.scene.outside_files import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.side_files import program_warnings
 
 

@@ -16,11 +16,10 @@ from scene.by_hand import RENDER
 from legoworld.records.scene_folder import ProgramReport
 from legoworld.scene import freeze, pictures, urdf
 from legoworld.scene.blender import truncated_output
-from legoworld.scene.folder import SceneFolder
+from legoworld.scene.folder import SceneFolder, leaves_scenes, outside_name, recorded_name
 from legoworld.scene.freeze import FileHash, FrozenFiles
 from legoworld.scene.hair import tubes
 from legoworld.scene.hair.strands import Strands
-from legoworld.scene.outside_files import leaves_scenes, outside_name, recorded_name
 from legoworld.scene.pictures import PictureTooLargeError, claimed_size_wh, decoded_picture
 from legoworld.scene.programs import report as program_report
 from legoworld.scene.programs.verdicts import ended_early, over_limit, signal_name

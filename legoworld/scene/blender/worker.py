@@ -183,7 +183,7 @@ def _case(request: Request) -> dict[str, Any]:
 
 def _usd(request: Request) -> dict[str, Any]:
     """A .blend as USD, written to the output."""
-    from legoworld.scene.blender.usd import export_usd
+    from legoworld.scene.blender.foreign_formats import export_usd
 
     export_usd(Path(request["blend"]), Path(request["output"]))
     return {}
@@ -192,7 +192,7 @@ def _usd(request: Request) -> dict[str, Any]:
 def _import(request: Request) -> dict[str, Any]:
     """A USD file as a .blend, written to the output; what its labels are."""
     from legoworld.conventions import CATEGORY_KEY
-    from legoworld.scene.blender.usd import import_usd
+    from legoworld.scene.blender.foreign_formats import import_usd
     from legoworld.scene.usd_labels import INSTANCE, write_label_layer
 
     layer, output = Path(request["layer"]), Path(request["output"])
@@ -203,7 +203,7 @@ def _import(request: Request) -> dict[str, Any]:
 
 def _import_glb(request: Request) -> dict[str, Any]:
     """A .glb as a .blend, written to the output."""
-    from legoworld.scene.blender.gltf_import import import_glb
+    from legoworld.scene.blender.foreign_formats import import_glb
 
     import_glb(Path(request["glb"]), Path(request["output"]))
     return {}

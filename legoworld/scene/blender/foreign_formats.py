@@ -1,8 +1,10 @@
-"""USD by Blender's own exporter and importer."""
+"""USD and glTF by Blender's own exporter and importers."""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,17 +41,12 @@ def import_usd(
     file Blender cannot import.
     """
     category, instance = properties
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    try:
+    with _new_scene("the USD file"):
         bpy.ops.wm.usd_import(
             filepath=str(layer),
             import_textures_mode="IMPORT_PACK",
             apply_unit_conversion_scale=False,  # it scales cameras and not all objects
         )
-    except RuntimeError as error:
-        raise SceneInvalidError(
-            "Blender cannot import the USD file", found=one_line(str(error), 200)
-        ) from error
     parts: dict[str, list[Any]] = defaultdict(list)
     scene = bpy.context.scene
     scene.unit_settings.scale_length = metres_per_unit
@@ -67,6 +64,44 @@ def import_usd(
             for shown in objects:
                 whole.objects.link(shown)
                 del shown[category]
+    _save(output)
+
+
+def import_glb(glb: Path, output: Path) -> None:
+    """Save a .glb as a .blend, so that a reference may be one.
+
+    Lights, cameras and extras come along: the extras of nodes and of the scene are custom
+    properties (`category`, `tier`, `view`). Raises SceneInvalidError without a light, which would
+    give a black picture.
+    """
+    with _new_scene("scene.glb"):
+        bpy.ops.import_scene.gltf(filepath=str(glb))
+    scene = bpy.context.scene
+    if not any(thing.type == "LIGHT" for thing in scene.objects):
+        raise SceneInvalidError(
+            "the .glb has no light, so that its picture would be black",
+            found=", ".join(sorted({thing.type.lower() for thing in scene.objects})) or "nothing",
+            expected="lights (KHR_lights_punctual)",
+            next_step="export the lights, too, or deliver scene.blend",
+        )
+    _save(output)
+
+
+@contextmanager
+def _new_scene(what: str) -> Iterator[None]:
+    """An empty file that the block imports into; SceneInvalidError where Blender refuses to."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    try:
+        yield
+    except RuntimeError as error:
+        raise SceneInvalidError(
+            f"Blender cannot import {what}", found=one_line(str(error), 200)
+        ) from error
+
+
+def _save(output: Path) -> None:
+    """Save the open file; its camera is the first by name."""
+    scene = bpy.context.scene
     cameras = sorted((o for o in scene.objects if o.type == "CAMERA"), key=lambda o: o.name)
     scene.camera = cameras[0] if cameras else None
     bpy.ops.wm.save_as_mainfile(filepath=str(output), compress=True, check_existing=False)
