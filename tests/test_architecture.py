@@ -106,7 +106,7 @@ MOST_LINES = {
     "plugin": 6900,
     "readouts": 3200,
     "records": 8100,
-    "report": 6680,
+    "report": 6690,
     "running": 2800,
     "scene": 12250,
     "solids": 550,

@@ -44,6 +44,18 @@ def category_picture(categories: NDArray[Any]) -> Rgb:
     return picture
 
 
+def picture_categories(picture: Rgb, category_ids: Sequence[int]) -> NDArray[np.int64]:
+    """(H, W) categories of a (H, W, 3) picture of either kind: -1 where black, -2 on a line."""
+    packed = picture.astype(np.int64) @ [1 << 16, 1 << 8, 1]
+    known = {0: -1}
+    for number in category_ids:
+        for r, g, b in (category_color(number, shade) for shade in _SHADES):
+            known[r << 16 | g << 8 | b] = number
+    colors, numbers = (np.array(of, np.int64) for of in zip(*sorted(known.items()), strict=True))
+    place = np.minimum(np.searchsorted(colors, packed), len(colors) - 1)
+    return np.where(colors[place] == packed, numbers[place], -2)
+
+
 def agreement_picture(truth: NDArray[Any], answer: NDArray[Any], counted: NDArray[np.bool_]) -> Rgb:
     """Blue where two (H, W) maps of categories agree, red where not, black where not counted."""
     colors = np.array([_VOID_RGB, _WRONG_RGB, _RIGHT_RGB], np.uint8)

@@ -79,8 +79,9 @@ def image_errors(
     kinds: list[Kind | None] = [None] * len(outcome)
     about: list[int | None] = [took.get(d) for d in range(len(outcome))]
     reached = np.zeros(len(truth_category), bool)
-    for d in (d for d, name in enumerate(outcome) if name == "fp"):
-        kinds[d], about[d] = _kind(counted[d], same[d], used)
+    false = [d for d, name in enumerate(outcome) if name == "fp"]
+    for d, told in zip(false, _kinds(counted[false], same[false], used), strict=True):
+        kinds[d], about[d] = told
         if kinds[d] in ("classification", "localisation"):
             reached[about[d]] = True
     states: list[TruthState] = [
@@ -126,20 +127,27 @@ def _finders(
     return finder
 
 
-def _kind(
+def _kinds(
     iou: NDArray[np.float64], same: NDArray[np.bool_], used: NDArray[np.bool_]
-) -> tuple[Kind, int | None]:
-    """A false positive's kind and the truth it is about; iou, same, used: (G,)."""
-    if not len(iou):
-        return "background", None
+) -> list[tuple[Kind, int | None]]:
+    """The kind of each false positive and the truth it is about; iou, same: (D, G); used: (G,)."""
+    if not iou.shape[1]:
+        return [("background", None)] * len(iou)
     own, other = np.where(same, iou, 0.0), np.where(same, 0.0, iou)
-    if BACKGROUND_IOU <= own.max() <= FOREGROUND_IOU:
-        return "localisation", int(own.argmax())
-    if other.max() >= FOREGROUND_IOU:
-        return "classification", int(other.argmax())
     taken = np.where(used, own, 0.0)
-    if taken.max() >= FOREGROUND_IOU:
-        return "duplicate", int(taken.argmax())
-    if iou.max() <= BACKGROUND_IOU:
-        return "background", None
-    return "both", int(iou.argmax())
+    most, most_own = iou.max(axis=1), own.max(axis=1)
+    # The first that holds, as TIDE asks.
+    asked: list[tuple[Kind, NDArray[np.bool_], NDArray[np.float64]]] = [
+        ("localisation", (most_own >= BACKGROUND_IOU) & (most_own <= FOREGROUND_IOU), own),
+        ("classification", other.max(axis=1) >= FOREGROUND_IOU, other),
+        ("duplicate", taken.max(axis=1) >= FOREGROUND_IOU, taken),
+        ("background", most <= BACKGROUND_IOU, iou),
+        ("both", np.ones(len(iou), bool), iou),
+    ]
+    first = np.argmax([holds for _, holds, _ in asked], axis=0)
+    about = np.choose(first, [of.argmax(axis=1) for _, _, of in asked])
+    names = [name for name, _, _ in asked]
+    return [
+        (names[k], None if names[k] == "background" else g)
+        for k, g in zip(first.tolist(), about.tolist(), strict=True)
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,12 +12,14 @@ import numpy as np
 from msgspec.structs import replace
 
 from legoworld.evaluation.label_maps.family import F64, MapFamily
-from legoworld.evaluation.label_maps.png import encode_webp
+from legoworld.evaluation.label_maps.png import encode_webp, view_picture
 from legoworld.evaluation.label_maps.sums import present_categories, total_sums
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
+from legoworld.readouts.map_pictures import picture_categories
+from legoworld.readouts.pictures import Rgb
 from legoworld.records.base import number
 from legoworld.records.label_maps import LabelMapRow, LabelMapSummary, LabelMapView
 from legoworld.records.report_page import (
@@ -48,9 +51,16 @@ class _Mend(NamedTuple):
     words: Callable[[Any], str]
 
 
+#: A category that fewer of another's wrong pixels are is not named.
+_MOSTLY: Final = 0.5
+
+
 def _share(part: float, whole: float) -> str:
     return f"{1 - part / max(whole, 1):.0%}"
 
+
+#: Drawn pixels by the categories of truth and answer, where they differ; -1 for none.
+_Confused = Counter[tuple[int, int]]
 
 #: Sums of IoU, TP, FP, FN: a segment that is missed is found whole, a false one is not there.
 _OF_SEGMENTS: Final = {
@@ -82,15 +92,18 @@ _OF_CLASSES: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class _Page:
-    """A section that is filled."""
+    """A section that is filled. confused: of every side."""
 
     family: MapFamily
     section: Section
     document: PageDocument
     places: Photos
+    confused: tuple[_Confused, ...]
 
 
-def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluation) -> Findings:
+def _findings(
+    family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluation, confused: _Confused
+) -> Findings:
     """The errors of each category, by what PQ or mIoU gains without them."""
     rows, metric = cast("tuple[LabelMapRow, ...]", side.rows), family.metrics[0]
     answered = [row for row in rows if row.has_score]
@@ -116,8 +129,12 @@ def _findings(family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluat
                 continue
             after = sums.copy()
             after[k] += change
+            text = f"{known[category].name}: {mend.words(of_answered[k])}"
+            share, other = _taken_for(confused, category)
+            if kind == "missed" and share >= _MOSTLY:
+                text += f"; {share:.0%} of its wrong pixels are {known[other].name}"
             found[kind, category] = Finding(
-                text=f"{known[category].name}: {mend.words(of_answered[k])}",
+                text=text,
                 gain=value(after, ids) - before,
                 images=[
                     image
@@ -148,7 +165,10 @@ def _fill(
     document: PageDocument,
     places: Photos,
 ) -> PageSection:
-    page = _Page(family=family, section=section, document=document, places=places)
+    confused = tuple(_Confused() for _ in section.sides)
+    page = _Page(
+        family=family, section=section, document=document, places=places, confused=confused
+    )
     places.read([(row.file_name, None) for row in section.sides[0].rows])
     rows: list[tuple[float, PhotoRow]] = []
     for of_sides in zip(*(side.rows for side in section.sides), strict=True):
@@ -166,7 +186,8 @@ def _fill(
         rows.append((-1.0 if first is None else first, photo))
         document.views.append(_view(page, image))
     names = {str(c.id): c.name for s in section.sides for c in _summary(s).categories}
-    costs = side_costs([_findings(family, mends, side) for side in section.sides])
+    sides = zip(section.sides, confused, strict=True)
+    costs = side_costs([_findings(family, mends, *side) for side in sides])
     screen = first_screen(section, costs)
     return replace(made, first=screen, images=in_order(rows), names=names)
 
@@ -176,6 +197,10 @@ def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
     photo, said = page.places.place(rows[0].file_name, None)
     stored = [side.image_view(LabelMapView, rows[0].image_id) for side in sides]
     views = [view for view in stored if view is not None]  # every image has one
+    truth, answers = view_picture(views[0].truth), [view_picture(view.answer) for view in views]
+    for confused, side, row, answer in zip(page.confused, sides, rows, answers, strict=True):
+        if row.has_score:
+            confused.update(_confusions(truth, answer, [c.id for c in _summary(side).categories]))
     return LabelMapPageView(
         section=page.section.key,
         id=rows[0].image_id,
@@ -185,14 +210,29 @@ def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
         said=said,
         sides=tuple(map(partial(_answer, page), sides, rows)),
         maps=MapPictures(
-            truth=_kept(page, views[0].truth),
-            answers=tuple(_kept(page, view.answer) for view in views),
-            agreements=tuple(_kept(page, view.agreement) for view in views),
+            truth=_kept(page, truth),
+            answers=tuple(_kept(page, answer) for answer in answers),
+            agreements=tuple(_kept(page, view_picture(view.agreement)) for view in views),
         ),
     )
 
 
-def _kept(page: _Page, picture: str) -> int:
+def _confusions(truth: Rgb, answer: Rgb, ids: Sequence[int]) -> _Confused:
+    """Of one image, both pictures (H, W, 3)."""
+    of, given = picture_categories(truth, ids), picture_categories(answer, ids)
+    wrong = (of >= 0) & (given > -2) & (of != given)
+    pairs, n = np.unique(np.stack([of[wrong], given[wrong]]), axis=1, return_counts=True)
+    return _Confused(dict(zip(zip(*pairs.tolist(), strict=True), n.tolist(), strict=True)))
+
+
+def _taken_for(confused: _Confused, category: int) -> tuple[float, int]:
+    """The other category that most of one's wrong pixels are answered as, and their share."""
+    wrong = {given: n for (of, given), n in confused.items() if of == category}
+    other = max((given for given in wrong if given >= 0), key=lambda c: (wrong[c], -c), default=-1)
+    return (wrong[other] / sum(wrong.values()), other) if other >= 0 else (0.0, -1)
+
+
+def _kept(page: _Page, picture: Rgb) -> int:
     """The place of a picture among the page's."""
     page.document.overlays.append(encode_webp(picture))
     return len(page.document.overlays) - 1

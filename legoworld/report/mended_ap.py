@@ -176,7 +176,9 @@ class _Mender:
         self._pairs = entry[order], truth[order], iou[order]
         #: Predictions that an ignored truth may have taken.
         self._by_ignored = entry[(iou >= HALF) & self._ignored[truth]]
-        self._row = {int(e): row for row, e in enumerate(table.entry)}
+        #: Of each entry; -1 of one that was not ranked.
+        self._row = np.full(int(table.entry.max(initial=-1)) + 1, -1, np.int64)
+        self._row[table.entry] = np.arange(len(table.entry))
         self.base = [
             self._precision(table.state[0][:, rows], n)
             for rows, n in zip(self._slices, self._n_truths.tolist(), strict=True)
@@ -211,7 +213,8 @@ class _Mender:
 
     def _with_camera(self, category: int) -> float:
         """What a category gains where the photos with a better camera have it."""
-        seen = [one for one in self._given._shifted[category] if one[0] in self._row]
+        shifted, ranked = self._given._shifted[category], len(self._row)
+        seen = [one for one in shifted if one[0] < ranked and self._row[one[0]] >= 0]
         moved = [self._extra(entry, overlaps) for entry, overlaps in seen]
         return self._matched_again(self._position(category), [e for e, _ in seen], moved)
 
@@ -257,7 +260,7 @@ class _Mender:
 
     def _without(self, k: int, entries: Sequence[int]) -> float:
         """What a category gains where these predictions are never false positives."""
-        rows = np.array([self._row[e] for e in entries]) - self._slices[k].start
+        rows = self._row[list(entries)] - self._slices[k].start
         state = self._table.state[0][:, self._slices[k]].copy()
         state[:, rows] = np.where(
             state[:, rows] == FALSE_POSITIVE, np.uint8(IGNORED), state[:, rows]
@@ -274,14 +277,14 @@ class _Mender:
     def _best(self, moved: Sequence[tuple[int, int, float]]) -> list[tuple[int, int, float]]:
         """One prediction for each truth: the most confident."""
         best: dict[int, tuple[int, int, float]] = {}
-        rows = np.array([self._row[entry] for entry, _, _ in moved], np.int64)
+        rows = self._row[np.array([entry for entry, _, _ in moved], np.int64)]
         order = np.lexsort((rows, -self._table.score[rows]))
         for one in (moved[k] for k in order):
             best.setdefault(one[1], one)
         return list(best.values())
 
     def _extra(self, entry: int, overlaps: tuple[tuple[int, float], ...]) -> _Extra:
-        row, table = self._row[entry], self._table
+        row, table = int(self._row[entry]), self._table
         return _Extra(
             image=int(table.image[row]),
             score=float(table.score[row]),
@@ -294,10 +297,13 @@ class _Mender:
         if self.base[k] is None:
             return 0.0
         table, rows = self._table, np.arange(self._slices[k].start, self._slices[k].stop)
-        gone = np.isin(table.entry[rows], left_out)
+        gone = np.zeros(len(rows), bool)
+        gone[self._row[np.array(left_out, np.int64)] - self._slices[k].start] = True
         # Images are matched one by one: the others keep their matches.
-        changed = np.union1d(table.image[rows[gone]], [e.image for e in extra])
-        again = np.isin(table.image[rows], changed)
+        changed = np.zeros(len(table.image_ids), bool)
+        changed[table.image[rows[gone]]] = True
+        changed[[e.image for e in extra]] = True
+        again = changed[table.image[rows]]
         rest, rows = rows[~gone & ~again], rows[~gone & again]
         image = np.append(table.image[rows], [e.image for e in extra]).astype(np.int64)
         score = np.append(table.score[rows], [e.score for e in extra])
@@ -306,7 +312,7 @@ class _Mender:
         source = np.append(rows, -1 - np.arange(len(extra))).astype(np.int64)
         order = np.lexsort((rank, -score, image))
         image, source, partial = image[order], source[order], partial[order].astype(bool)
-        truths = np.flatnonzero((self._truth_category == k) & np.isin(self._truth_image, changed))
+        truths = np.flatnonzero((self._truth_category == k) & changed[self._truth_image])
         truths = truths[np.argsort(self._truth_image[truths], kind="stable")]
         images = np.union1d(image, self._truth_image[truths])
         first_d = np.searchsorted(image, np.append(images, np.iinfo(np.int64).max))

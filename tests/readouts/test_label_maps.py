@@ -17,7 +17,12 @@ from legoworld.evaluation.label_maps.png import read_ids, read_values
 from legoworld.readouts import panoptic, semantic
 from legoworld.readouts.family import AnsweredImage
 from legoworld.readouts.label_maps import NO_CLASS, VOID, category_map, segment_map
-from legoworld.readouts.map_pictures import category_color, segment_picture
+from legoworld.readouts.map_pictures import (
+    category_color,
+    category_picture,
+    picture_categories,
+    segment_picture,
+)
 from legoworld.readouts.protocol import protocol
 from legoworld.records.run_rows import RunRow
 from legoworld.scene.instances import Instance
@@ -168,6 +173,14 @@ def test_a_picture_tells_things_of_a_category_apart_and_shows_their_borders(tmp_
     assert picture[0, 4].tolist() == [0, 0, 0]
     assert panoptic.READOUT.picture(answered([[0, -1]], ["car"], tmp_path)).shape == (1, 2, 3)
     assert semantic.READOUT.picture(answered([[0, -1]], ["car"], tmp_path)).shape == (1, 2, 3)
+
+
+def test_a_picture_tells_its_categories():
+    place, ids = np.array([[1, 1, 2, 2, 3, 3, 0, 0]]), [7, 7, 200]
+    found = picture_categories(segment_picture(place, ids), [7, 9, 200])
+    assert found.tolist() == [[7, -2, 7, -2, 200, -2, -1, -1]]
+    every = np.arange(255).reshape(15, 17)
+    assert (picture_categories(category_picture(every), range(255)) == every).all()
 
 
 def test_pngs_of_other_kinds_are_refused(tmp_path):

@@ -10,7 +10,7 @@ from evaluation.panoptic.panoptic_files import call, scored, write_panoptic
 from report.chromium import browser
 from report.pages import document_of
 
-PERSON, WALL = 1, 199
+PERSON, CAR, WALL = 1, 3, 199
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +55,19 @@ def test_what_a_photo_s_cell_and_its_answer_say(folder):
     places = [(v.maps.truth, *v.maps.answers, *v.maps.agreements) for v in (first, second)]
     assert places == [(0, 1, 2), (3, 4, 5)]
     assert len(document.overlays) == 6
+
+
+def test_what_a_category_is_taken_for(tmp_path):
+    """Columns 0 to 18 of the person are car and 20 to 28 wall; 19 and 29 are drawn as lines."""
+    ids = np.array([[1] * 30 + [2] * 30] * 6)
+    truth = write_panoptic(tmp_path / "truth.json", {1: (ids, [(1, PERSON, 0), (2, WALL, 0)])})
+    answer = np.array([[3] * 20 + [2] * 40] * 6)
+    answers = {1: (answer, [(3, CAR, 0), (2, WALL, 0)])}
+    scored(tmp_path, truth, write_panoptic(tmp_path / "theirs.json", answers, truth=False))
+    (section,) = document_of(tmp_path / "eval").sections
+    texts = [cost.text for cost in section.first.costs[0].most]
+    assert "person: 1 of 1 segment missed; 68% of its wrong pixels are car" in texts
+    assert not any("wall" in text and "wrong pixels" in text for text in texts)
 
 
 def test_a_photo_has_panes_of_truth_and_answer(page):

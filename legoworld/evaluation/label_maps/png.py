@@ -97,9 +97,15 @@ def label_map_view(
     )
 
 
-def encode_webp(png: str) -> bytes:
-    """A picture of a view as the page holds it: lossless WebP."""
-    pixels = cv2.imdecode(np.frombuffer(base64.b64decode(png), np.uint8), cv2.IMREAD_COLOR)
+def view_picture(png: str) -> Rgb:
+    """(H, W, 3) of a picture of a view."""
+    pixels = cv2.imdecode(np.frombuffer(base64.b64decode(png), np.uint8), cv2.IMREAD_COLOR_RGB)
+    return np.asarray(pixels, np.uint8)
+
+
+def encode_webp(picture: Rgb) -> bytes:
+    """A (H, W, 3) picture as the page holds it: lossless WebP."""
+    pixels = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
     done, data = cv2.imencode(".webp", pixels, [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])
     assert done
     return data.tobytes()

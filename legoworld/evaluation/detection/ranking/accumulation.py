@@ -112,13 +112,11 @@ def precision_at_recalls(
 ) -> Floats:
     """(T, R) interpolated precision of one category and area. true, false: (T, D), best first."""
     values = np.zeros((len(true), len(RECALL_THRESHOLDS)))
-    if not true.shape[1]:
-        return values
-    n_true, n_false = np.cumsum(true, axis=1), np.cumsum(false, axis=1)
-    precision = n_true / (n_true + n_false + np.spacing(1))
-    envelope = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
-    for t, recall in enumerate(n_true / n_truths):
-        places = np.searchsorted(recall, RECALL_THRESHOLDS, side="left")
-        reached = places < len(recall)
-        values[t, reached] = envelope[t, places[reached]]
+    for t, hits in enumerate(map(np.flatnonzero, true)):
+        # Recall and the envelope change at true positives alone.
+        n_true, n_false = np.arange(1, len(hits) + 1), np.cumsum(false[t])[hits]
+        envelope = np.maximum.accumulate((n_true / (n_true + n_false + np.spacing(1)))[::-1])[::-1]
+        places = np.searchsorted(n_true / n_truths, RECALL_THRESHOLDS, side="left")
+        reached = places < len(hits)
+        values[t, reached] = envelope[places[reached]]
     return values
