@@ -76,7 +76,7 @@ def test_a_screenshot_is_a_render_from_the_camera_and_changes_nothing(endpoint, 
     rows = len(endpoint.session.record.checkpoints)
     path = endpoint.workspace / "look.png"
     answer = client.ask("get_viewport_screenshot", filepath=str(path), max_size=200)
-    assert answer["result"]["width"], answer["result"]["height"] == (119, 200)
+    assert (answer["result"]["width"], answer["result"]["height"]) == (119, 200)
     picture = cv2.imread(str(path))
     assert picture.shape[:2] == (200, 119)
     assert np.unique(picture.reshape(-1, 3), axis=0).shape[0] > 50
@@ -84,6 +84,21 @@ def test_a_screenshot_is_a_render_from_the_camera_and_changes_nothing(endpoint, 
         "BLENDER_EEVEE 640\n"
     )
     assert len(endpoint.session.record.checkpoints) == rows
+
+
+def test_a_picture_of_extreme_aspect_has_the_size_that_the_answer_states(endpoint, client):
+    client.run("bpy.ops.wm.read_factory_settings()")
+    path = endpoint.workspace / "thin.png"
+    for pixels, aspect, size in (((4, 8000), (1, 1), (4, 16)), ((8000, 4), (1, 1), (16, 4)),
+                                 ((64, 64), (2, 1), (16, 8)), ((64, 64), (1, 2), (8, 16))):  # fmt: skip
+        client.run(
+            "r = bpy.context.scene.render\n"
+            f"r.resolution_x, r.resolution_y = {pixels}\n"
+            f"r.pixel_aspect_x, r.pixel_aspect_y = {aspect}"
+        )
+        answer = client.ask("get_viewport_screenshot", filepath=str(path), max_size=3)
+        assert (answer["result"]["width"], answer["result"]["height"]) == size
+        assert cv2.imread(str(path)).shape[:2] == size[::-1]
 
 
 def test_without_a_camera_a_screenshot_says_so(endpoint, client):

@@ -25,6 +25,8 @@ from legoworld.scene.folder import BLEND
 
 _MOST_OBJECTS: Final = 10
 _SCREENSHOT_SAMPLES: Final = 8
+#: Blender renders no narrower picture.
+_LEAST_PX: Final = 4
 #: The add-on's number for what 2.2.4 of mcp-for-blender asks of it.
 _ADDON_PROTOCOL: Final = 15
 
@@ -193,7 +195,7 @@ def _pixels(render: bpy.types.RenderSettings, longest: int) -> tuple[int, int]:
     width = render.resolution_x * render.pixel_aspect_x
     height = render.resolution_y * render.pixel_aspect_y
     shrink = longest / max(width, height)
-    return max(1, round(width * shrink)), max(1, round(height * shrink))
+    return max(_LEAST_PX, round(width * shrink)), max(_LEAST_PX, round(height * shrink))
 
 
 def export_file(
