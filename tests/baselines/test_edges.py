@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from legoworld.baselines import box_formats, category_ids, depth, environments, photo_provider
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.child import TooSlowError
+from legoworld.baselines.foreign_results import next_step_for
 from legoworld.baselines.labels import LabelsUnmatchedError, Matcher, label_map
 from legoworld.baselines.normals import normals_source
 from legoworld.baselines.photo_names import PhotosUnmatchedError, file_name, place
@@ -383,3 +384,21 @@ def test_a_share_of_boxes_may_leave_their_images():
         given = boxes(*[outside] * count, *[inside] * (n - count))
         assert ("xyxy" in box_formats.other_formats(given, WIDE, "xywh")) is fits
     box_formats.check_declared(boxes(outside, *[inside] * (n - 1)), WIDE, "xyxy")
+
+
+@pytest.mark.parametrize(
+    ("suffixes", "said"),
+    [((".pt", ".pth", ".pkl", ".pickle", ".PTH"), "json.dump("),
+     ((".npz", ".npy"), "tolist()"), ((".txt",), "from_yolo"), ((".xml",), "from_pascal_voc"),
+     ((".csv",), "one object a row"), ((".json", ""), None)],
+)  # fmt: skip
+def test_every_kind_of_foreign_file_has_its_own_way_to_json(tmp_path, suffixes, said):
+    told = {next_step_for(tmp_path / f"results{suffix}") for suffix in suffixes}
+    assert len(told) == 1
+    assert (said in told.pop()) if said else told == {""}
+    for suffix in suffixes:
+        folder = tmp_path / f"of{suffix}"
+        folder.mkdir()
+        (folder / "a.md").touch()
+        (folder / f"results{suffix}").touch()
+        assert next_step_for(folder) == next_step_for(tmp_path / f"results{suffix}")

@@ -59,6 +59,8 @@ def test_every_official_number_of_a_file_with_ties(task, seed, tmp_path):
     truth, entries = tied(task, seed)
     truth_path = written(tmp_path / "truth.json", truth)
     run = imported(tmp_path, task, truth, entries)
+    scenes = json.loads((run / "run.json").read_text())["scenes"]
+    assert [one["source"] for one in scenes.values()] == [{"file": "results.json"}] * 8
     expected, _ = DIRECT[task](truth_path, entries)
     other, _ = DIRECT[task](truth_path, entries[::-1])
     assert list(expected) != list(other)  # the order decides

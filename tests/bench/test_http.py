@@ -67,6 +67,8 @@ class Service:
         data = answer.read()
         client.close()
         text = data.decode()
+        kind = (answer.headers["content-type"] or "").partition(";")[0]
+        assert kind == ("application/json" if text.startswith("{") else kind)
         return SimpleNamespace(
             status=answer.status, headers=answer.headers, text=text,
             json=json.loads(text) if text.startswith("{") else None,

@@ -152,6 +152,8 @@ def service(dataset, tmp_path_factory):
         line = process.stderr.readline()
         assert line.startswith("listening on http://127.0.0.1:")
         yield SimpleNamespace(url=line.split()[-1], process=process, scratch=scratch)
+        # Of a submission that was scored no map and no picture stays while the service runs.
+        assert [path for path in scratch.rglob("*") if path.suffix in (".npz", ".png")] == []
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=PATIENCE_S) == 0
     assert list(scratch.iterdir()) == []

@@ -20,7 +20,7 @@ from evaluation.detection_runs import (
 
 from legoworld import cli
 from legoworld.evaluation.detection.matching.matched_metrics import matched_metrics
-from legoworld.evaluation.detection.matching.matches_file import EQUAL, counts_from, table_from
+from legoworld.evaluation.detection.matching.matches_file import counts_from, table_from
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 
@@ -139,12 +139,13 @@ def test_matches_answer_for_any_selection_of_images(scored):
     truth = json.loads((folder / "view" / "truth.json").read_text())
     with np.load(folder / "matches.npz") as stored:
         arrays = dict(stored)
+    assert {name for name in arrays if name.endswith("state")} == {"state", "equal_state"}
     letters = {c["id"]: c.get("frequency", "") for c in truth["categories"]}
     frequencies = np.array([letters[int(i)] for i in arrays["category_ids"]])
     whole = np.ones((1, 12), np.int32)
     for policy, metrics in (
         ("", summary["metrics"]),
-        (EQUAL, summary["equal_confidence"]["metrics"]),
+        ("equal_", summary["equal_confidence"]["metrics"]),
     ):
         found = resampled_metrics(table_from(arrays, policy), protocol, whole, frequencies)
         for name, value in metrics.items():

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import anyio
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from mcp import Client
 from plugin.talking import called
 
+from legoworld.errors import SceneInvalidError
+from legoworld.plugin import final_steps
 from legoworld.plugin.final_steps import (
     StaleError,
     _review_size,
@@ -23,6 +27,7 @@ from legoworld.plugin.final_steps import (
 from legoworld.plugin.open_ledger import TransactionError
 from legoworld.plugin.remaining_work import list_unfinished
 from legoworld.plugin.server import plugin_server
+from legoworld.plugin.state import NOTHING, read_live
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import readable
 from legoworld.records.plugin_ledger import Declaration
@@ -75,6 +80,20 @@ def test_a_case_from_a_commit_to_its_files(case, run, tmp_path):
     with pytest.raises(StaleError, match="another state"):
         note_review(case, made.render_sha256, [])
     assert len(list_unfinished(case.ledger.entries, [])) == 2
+
+
+def test_an_export_that_reads_as_another_scene_is_refused(case, monkeypatch, tmp_path):
+    def read_another(path, reader):
+        found = read_live(path, reader)
+        if other != NOTHING and path.parent != tmp_path / "export":
+            return found
+        return replace(found, state=msgspec.structs.replace(found.state, geometry_signature=other))
+
+    monkeypatch.setattr(final_steps, "read_live", read_another)
+    for other in ("f" * 64, NOTHING):
+        with pytest.raises(SceneInvalidError, match=f"not the live one; found: {other}"):
+            export(case, render_wh=(96, 54))
+    assert case.ledger.entries[-1].error
 
 
 def test_reports_and_renders_are_resources_by_hash(case):

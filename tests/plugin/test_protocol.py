@@ -146,6 +146,10 @@ def test_the_union_names_every_kind_and_what_it_needs(tools):
     assert set(found) == set(KINDS)
     assert found["facing"] == ["entity", "towards"]
     assert schema["properties"]["tolerance_deg"]["description"] == "facing 15"
+    check = jsonschema.Draft202012Validator(schema).is_valid
+    facing = {"kind": "facing", "entity": "a", "towards": "b"}
+    assert check(facing)
+    assert not any(check({k: v for k, v in facing.items() if k != left}) for left in facing)
 
 
 @pytest.mark.parametrize(

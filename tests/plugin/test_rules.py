@@ -422,6 +422,18 @@ def test_a_shell_reaches_to_its_faces_in_camera_heights():
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("size", [(8, 4), (3, 9), (1, 1)])
+def test_a_ray_goes_through_the_middle_of_its_pixel(size):
+    (width, height), fov = size, 70.0
+    found = room_fit.rays(np.eye(3).tolist(), fov, size)
+    assert found.shape == (height, width, 3)
+    assert found.sum((0, 1)) == pytest.approx([0.0, 0.0, width * height])
+    pixel = 2 * math.tan(math.radians(fov / 2)) / width
+    assert found[0, 0] == pytest.approx([-(width - 1) / 2 * pixel, -(height - 1) / 2 * pixel, 1.0])
+    turned = room_fit.rays([[0, 0, 1], [1, 0, 0], [0, 1, 0]], fov, size)
+    assert (turned == found[..., [2, 0, 1]]).all()
+
+
 @pytest.mark.parametrize("index", range(6))
 def test_a_face_s_corners_lie_on_it_and_turn_to_the_inside(index):
     name, made = room_fit.FACES[index], box_room()

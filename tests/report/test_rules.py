@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from dataclasses import dataclass
+from dataclasses import replace as replace_dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import cv2
+import jinja2
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -19,18 +22,25 @@ from legoworld.records.base import UNSET
 from legoworld.records.comparison import ComparisonRow, Difference, Measured
 from legoworld.records.evaluation_rows import Outcome
 from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.reconstruction import Flag
 from legoworld.records.report_page import Advice
 from legoworld.report import (
     costs,
+    depth_images,
+    detection_section,
     first_screen,
     forest,
+    mended_pixels,
+    page_file,
     photos,
     pixel_section,
     plots,
     provenance,
+    reconstruction_advice,
     relations_page,
     scene_files,
     sources,
+    systems,
     tables,
 )
 from legoworld.report.mended_ap import MendedAp, errors_of
@@ -118,14 +128,16 @@ def test_a_step_helps_from_a_gain_of_a_twentieth(together, fitted, parts, fit):
 
 def test_parts_of_other_categories_are_given_back():
     entries = [shown(0, 0, 10, 5), shown(0, 5, 10, 4, category=2), shown(0, 9, 10, 1),
-               shown(0, 8, 10, 2.6, category=2)]  # fmt: skip
+               shown(0, 8, 10, 2.6, category=2),
+               shown(0, 8, 5, 2.5, category=3)]  # fmt: skip
     image, side = photo([WHOLE], entries)
-    side.iou = np.array([[0.5], [0.4], [0.1], [0.2]])
+    side.iou = np.array([[0.5], [0.4], [0.1], [0.2], [0.1]])
     found = try_steps("coco", image, side, 0, 0)
-    assert (found.given_back, found.iou, found.together_iou) == ((1,), 0.5, pytest.approx(0.9))
+    assert (found.given_back, found.iou) == ((1, 4), 0.5), "80 % inside is enough"
+    assert found.together_iou == pytest.approx(100 / 105), "the box around all three"
     assert found.fitted_iou == 1.0
     alone = try_steps("coco", image, side, 1, 0)
-    assert (alone.given_back, round(alone.together_iou, 3)) == ((0, 2), 1.0)
+    assert (alone.given_back, round(alone.together_iou, 3)) == ((0, 2, 4), 0.952)
 
 
 def test_a_mask_of_the_truth_s_form_fits_wherever_it_lies():
@@ -340,6 +352,8 @@ def test_four_costs_are_named_of_one_side_and_three_of_each_of_two():
     assert (one.label, [cost.text for cost in one.most]) == ("a", ["5", "4", "3", "2"])
     assert one.over == "Each mended alone: AP over all 4 images, of 12 errors"
     less = {key: value - 0.001 for key, value in gain.items()}
+    (edge,) = costs.side_costs([replace_dataclass(mended("a", gain), least=0.14)])
+    assert [cost.text for cost in edge.most] == ["5", "4"], "the least gain is one"
     first, second = costs.side_costs([mended("a", gain, failed=3), mended("b", less)])
     assert [cost.text for cost in first.most[1:]] == ["5", "4", "3"]
     assert second.most == (), "it is behind on none"
@@ -519,3 +533,102 @@ def test_the_page_s_scripts_know_the_outcome_that_does_not_count():
     script = (Path(sources.__file__).parent / "page" / "points.js").read_text("utf-8")
     (name,) = re.findall(r'const OUTSIDE = "(\w+)"', script)
     assert [one.name for one in OUTCOMES if "not in R" in one.text] == [name]
+
+
+def test_a_detection_cell_counts_what_is_bad_and_says_what_comes_first(monkeypatch):
+    monkeypatch.setattr(detection_section, "_errors", lambda image, side: side.kinds)
+
+    def side(tp: int, *kinds: str) -> Any:
+        row = SimpleNamespace(greedy_50=SimpleNamespace(tp=tp, fp=tp + 1), n_truth=9)
+        return SimpleNamespace(quality=tp / 10, row=row, n_missed=tp + 2, kinds=kinds)
+
+    def drawn(status: str, *levels: str) -> Any:
+        advice = [SimpleNamespace(level=one, what=f"{one} {k}") for k, one in enumerate(levels)]
+        return SimpleNamespace(status=status, advice=advice)
+
+    image: Any = SimpleNamespace(sides=[side(1, "b", "a", "b"), side(5, "a")])
+    views = (drawn("ok", "warn", "bad", "bad", "bad"), drawn("failed"))
+    view: Any = SimpleNamespace(id=4, file_name="x.png", sides=views, categories={3, 1})
+    row = detection_section._row(image, view, 7)
+    assert (row.id, row.file_name, row.view, row.n_truth, row.categories) == (4, "x.png", 7, 9,
+                                                                              (1, 3))  # fmt: skip
+    first, second = row.cells
+    assert (first.status, first.findings, first.advice) == ("ok", 3, "warn 0")
+    assert (first.quality, first.tp, first.fp, first.fn, first.errors) == (0.1, 1, 2, 3,
+                                                                           ("a", "b"))  # fmt: skip
+    assert (second.status, second.findings, second.advice, second.errors) == ("failed", 0, "", ())
+
+
+def test_a_flag_is_a_warning_with_its_number_and_its_limit():
+    flag = Flag(kind="picture_in_scene", what="w", measured=0.123456, threshold=0.05)  # type: ignore[arg-type]
+    assert reconstruction_advice._flag(flag) == Advice(
+        level="warn", what="flag, picture in scene: w (0.123, flagged from 0.05)",
+        do="for a person to look at: it changes no score",
+    )  # fmt: skip
+
+
+def test_a_template_escapes_every_value_and_refuses_one_that_is_not_given():
+    environment = page_file._environment()
+    shown = environment.from_string("{% if a %}\n  {{ a }}\n  {% endif %}")
+    assert shown.render(a="<b>") == "  &lt;b&gt;\n"
+    for text in ("{{ b }}", "{% if b %}{% endif %}", "{{ a.b }}"):
+        with pytest.raises(jinja2.UndefinedError):
+            environment.from_string(text).render(a="x")
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "what", "do"),
+    [
+        ({"outside_view_share": 0.25}, "warn", "25.0% of the measured pixels are outside the view",
+         "widen the camera's field of view"),
+        ({"hole_share": 0.5}, "bad", "50.0% of the measured pixels have no geometry",
+         "close floor, walls"),
+        ({"clamped_share": 0.5}, "warn", "50.0% of the pixels were held at the deepest truth",
+         "the far end of the scene"),
+        ({"worse_than_constant": True}, "bad", "a constant depth", "check the camera first"),
+        ({"status": "inverted"}, "bad", "near and far are exchanged", "check the order"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_depth_has_its_level_and_what_to_do(changes, level, what, do):
+    known = {"status": "ok", "hole_share": 0.0, "outside_view_share": 0.0, "clamped_share": 0.0,
+             "worse_than_constant": False}  # fmt: skip
+    assert depth_images.depth_advice(SimpleNamespace(**known)) == []  # type: ignore[arg-type]
+    (advice,) = depth_images.depth_advice(SimpleNamespace(**known | changes))  # type: ignore[arg-type]
+    assert advice.level == level
+    assert advice.what.startswith(what)
+    assert advice.do.startswith(do)
+
+
+def test_a_difference_of_two_systems_is_signed_and_an_unknown_one_is_empty():
+    interval = SimpleNamespace(ends=(-0.1, 0.3))
+    ranked: Any = SimpleNamespace(
+        differences=[[None, (0.2, interval), (math.nan, None)]], values=[0.5, math.nan]
+    )
+    alone, other, unknown = systems._differences(ranked, 0)
+    assert alone == ""
+    assert (other.value, other.ends, other.signed) == (0.2, (-0.1, 0.3), True)
+    assert (unknown.value, unknown.ends, unknown.signed) == (None, None, True)
+
+
+def test_photos_that_a_side_failed_come_first_then_the_widest_apart():
+    def row(*cells: tuple[str, float | None]) -> Any:
+        return SimpleNamespace(cells=[SimpleNamespace(status=s, number=n) for s, n in cells])
+
+    rows = [row(("ok", 0.5), ("ok", 0.25)), row(("ok", 0.5), ("failed", None)),
+            row(("ok", 0.0), ("ok", 1.0)), row(("failed", None), ("failed", None))]  # fmt: skip
+    assert [systems._apart(one) for one in rows] == [(True, -0.25), (False, 0.0), (True, -1.0),
+                                                     (False, 0.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("by", "covered"),
+    [((0, 0), (slice(0, 4), slice(0, 5))), ((2, -1), (slice(2, 4), slice(0, 4))),
+     ((-3, 4), (slice(0, 1), slice(4, 5)))],
+)  # fmt: skip
+def test_a_shifted_picture_covers_what_it_still_lies_on(by, covered):
+    assert mended_pixels._overlap((4, 5), by) == covered
+    picture = np.arange(20).reshape(4, 5)
+    moved = np.full((4, 5), -1)
+    moved[covered] = picture[mended_pixels._overlap((4, 5), (-by[0], -by[1]))]
+    rows, cols = np.nonzero(moved >= 0)
+    assert (moved[rows, cols] == picture[rows - by[0], cols - by[1]]).all()
