@@ -7,7 +7,6 @@ import importlib
 import inspect
 import json
 import pkgutil
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 

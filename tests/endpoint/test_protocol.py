@@ -89,8 +89,12 @@ def test_a_screenshot_is_a_render_from_the_camera_and_changes_nothing(endpoint, 
 def test_a_picture_of_extreme_aspect_has_the_size_that_the_answer_states(endpoint, client):
     client.run("bpy.ops.wm.read_factory_settings()")
     path = endpoint.workspace / "thin.png"
-    for pixels, aspect, size in (((4, 8000), (1, 1), (4, 16)), ((8000, 4), (1, 1), (16, 4)),
-                                 ((64, 64), (2, 1), (16, 8)), ((64, 64), (1, 2), (8, 16))):  # fmt: skip
+    for pixels, aspect, size in (
+        ((4, 8000), (1, 1), (4, 16)),
+        ((8000, 4), (1, 1), (16, 4)),
+        ((64, 64), (2, 1), (16, 8)),
+        ((64, 64), (1, 2), (8, 16)),
+    ):
         client.run(
             "r = bpy.context.scene.render\n"
             f"r.resolution_x, r.resolution_y = {pixels}\n"

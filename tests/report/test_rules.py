@@ -536,7 +536,7 @@ def test_the_page_s_scripts_know_the_outcome_that_does_not_count():
 
 
 def test_a_detection_cell_counts_what_is_bad_and_says_what_comes_first(monkeypatch):
-    monkeypatch.setattr(detection_section, "_errors", lambda image, side: side.kinds)
+    monkeypatch.setattr(detection_section, "_errors", lambda _, side: side.kinds)
 
     def side(tp: int, *kinds: str) -> Any:
         row = SimpleNamespace(greedy_50=SimpleNamespace(tp=tp, fp=tp + 1), n_truth=9)
