@@ -103,6 +103,7 @@ def test_a_killed_part_leaves_its_transcript_and_what_it_continues_from(unfinish
     (output / "session" / "new").mkdir(parents=True)
     (output / "said").write_text("words")
     (unfinished.session / "old").mkdir(parents=True)
+    (unfinished.scene_folder / TRIAL).rmdir()  # killed before its first call
     unfinished.put_part_aside("said")
     assert (unfinished.scene_folder / TRIAL / "transcript-2").read_text() == "words"
     assert [path.name for path in unfinished.session.iterdir()] == ["new"]

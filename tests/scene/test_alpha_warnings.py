@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from scene.snapshots import read_alone
 
@@ -27,6 +28,14 @@ def card(name, x, *materials):
     return made
 
 fresh(); camera()
+halves = bpy.data.meshes.new("halves")
+corners = [(x, 5.0, z) for x in (3.0, 4.0) for z in (-0.5, 0.5)]
+halves.from_pydata(corners + corners, [], [(0, 1, 3, 2), (4, 5, 7, 6)])
+halves.attributes.new("worn", "FLOAT", "POINT").data.foreach_set("value", [0, 1] * 4)
+halves.materials.append(None)
+halves.materials.append(material("lace"))
+halves.polygons[1].material_index = 1
+bpy.context.scene.collection.objects.link(bpy.data.objects.new("Halves", halves))
 card("One", -2.0, material("cloth"))
 card("Other", -1.0, material("net"))
 shared = card("Shared", 0.0, material("felt"))
@@ -47,3 +56,15 @@ def test_materials_of_equal_rules_are_named_each_by_its_own_name(build_scenes, t
         "opaque"
         for name in ("cloth", "felt", "net", "silk")
     )
+
+
+def test_one_material_is_cut_and_the_other_of_its_mesh_is_whole(build_scenes, tmp_path):
+    build_scenes(PROGRAM, tmp_path)
+    snapshot = read_alone(tmp_path / "scene").snapshot
+    assert len(snapshot.cutouts) == 1
+    assert sorted(snapshot.triangle_cutout.tolist()) == [-1] * (len(snapshot.triangles) - 2) + [
+        0,
+        0,
+    ]
+    cut = np.flatnonzero(snapshot.triangle_cutout == 0)
+    assert snapshot.triangle_cutout[cut[0] - 2 :][:4].tolist() == [-1, -1, 0, 0]

@@ -51,6 +51,19 @@ def test_the_header_says_what_is_decoded(suffix):
     assert decoded_picture(data[:20]) is None
 
 
+@pytest.mark.parametrize(
+    ("suffix", "least"),
+    [(".png", 33), (".webp", 30), (".bmp", 26), (".jpg", None), (".ppm", 7)],
+)
+def test_a_header_is_read_as_soon_as_it_is_whole(suffix, least):
+    """Of every prefix: no size, or the right one; from the last byte that states it on."""
+    data = cv2.imencode(suffix, PICTURE)[1].tobytes()
+    if least is None:
+        least = data.index(b"\xff\xc0") + 9
+    assert [claimed_size_wh(data[:n]) for n in range(least)] == [(0, 0)] * least
+    assert {claimed_size_wh(data[:n]) for n in range(least, len(data) + 1)} == {(9, 6)}
+
+
 def test_headers_of_tiff_and_netpbm_in_other_byte_orders_and_with_comments():
     entries = struct.pack(">HHHIHHHHIHH", 2, 257, 3, 1, 6, 0, 256, 4, 1, 0, 9)
     assert claimed_size_wh(b"MM\0*" + struct.pack(">I", 8) + entries) == (9, 6)
