@@ -67,4 +67,5 @@ def test_one_material_is_cut_and_the_other_of_its_mesh_is_whole(build_scenes, tm
         0,
     ]
     cut = np.flatnonzero(snapshot.triangle_cutout == 0)
+    assert len(cut) == 2
     assert snapshot.triangle_cutout[cut[0] - 2 :][:4].tolist() == [-1, -1, 0, 0]
