@@ -100,7 +100,7 @@ def test_checks_are_in_v_s_order_and_each_that_fails_is_bad():
     failed = check(False, found="f", expected="e", next_step="n")
     row: Any = SimpleNamespace(
         validity={names[1]: failed, names[0]: check(True)}, status=COMPARED, reason=None,
-        camera=None, R=None, objects=(), flags=(), warnings=("late", "early"),
+        camera=None, R=None, diagnostics=None, objects=(), flags=(), warnings=("late", "early"),
     )  # fmt: skip
     lines = check_lines(row)
     assert [line.name for line in lines] == [name.replace("_", ".") for name in names[:2]]
@@ -130,7 +130,8 @@ def test_the_facts_of_a_case_are_its_scores_its_cameras_and_its_files():
     seen = SimpleNamespace(
         n_hits=1234, n_px=5678, where_geometry_agrees=0.5, n_geometry_agrees_px=2000,
         where_geometry_differs=None, n_geometry_differs_px=3000,
-        curve={"20": 0.25, "5": 0.125}, noise=SimpleNamespace(reference_mean=0.9, reference_sd=0.01),
+        curve={"20": 0.25, "5": 0.125},
+        noise=SimpleNamespace(reference_mean=0.9, reference_sd=0.01),
     )  # fmt: skip
     registration = SimpleNamespace(rotation_deg=1.234, translation_m=0.5, trimmed_rms_m=0.0625)
     row: Any = SimpleNamespace(
