@@ -16,6 +16,7 @@ from legoworld.plugin import (
     acceptance,
     case,
     corrections,
+    hooks,
     measure,
     residuals,
     result_pictures,
@@ -37,8 +38,13 @@ from legoworld.records.plugin_evidence import (
 from legoworld.records.plugin_ledger import Declaration, Entry, HookMark
 from legoworld.records.plugin_requirements import (
     Centroid,
+    Collision,
+    Containment,
     Correction,
+    DepthOrder,
     Existence,
+    Facing,
+    Layout,
     Overlap,
     Report,
     Result,
@@ -665,3 +671,28 @@ def test_the_longest_300_segments_are_kept():
     assert len(found) == 300
     assert (np.diff(lengths) <= 0).all()
     assert lengths.min() >= 0.02 * math.hypot(*picture.shape)
+
+
+@pytest.mark.parametrize("call", ["{}", "mcp__blender__{}", "blender:{}", "mcp__a:b__{}"])
+def test_a_tool_edits_whatever_server_it_is_of(call):
+    assert hooks.edits(call.format("execute_blender_code"))
+    assert not hooks.edits(call.format("get_scene_info"))
+    assert not hooks.edits(call.format("execute_blender_code") + "__look")
+
+
+@pytest.mark.parametrize(
+    ("requirement", "names", "regions"),
+    [
+        (Support(entity="cup", on="table"), ["cup", "table"], []),
+        (Support(entity="cup"), ["cup"], []),
+        (Centroid(entity="cup", region="r"), ["cup"], ["r"]),
+        (Facing(entity="chair", towards="desk"), ["chair", "desk"], []),
+        (Containment(entity="pen", inside="cup", share=0.5), ["pen", "cup"], []),
+        (Collision(entity="a", other="b"), ["a", "b"], []),
+        (Layout(entities=("a", "b", "a", "c")), ["a", "b", "c"], []),
+        (DepthOrder(matched=(("a", "r"), ("b", "s"), ("a", "t"))), ["a", "b"], ["r", "s", "t"]),
+    ],
+)
+def test_what_a_requirement_names_is_drawn_the_measured_one_first(requirement, names, regions):
+    assert result_pictures._names(requirement) == names
+    assert [*result_pictures._regions(requirement)] == regions
