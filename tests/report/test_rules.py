@@ -602,7 +602,7 @@ def test_what_is_wrong_with_a_depth_has_its_level_and_what_to_do(changes, level,
 def test_a_difference_of_two_systems_is_signed_and_an_unknown_one_is_empty():
     interval = SimpleNamespace(ends=(-0.1, 0.3))
     ranked: Any = SimpleNamespace(
-        differences=[[None, (0.2, interval), (math.nan, None)]], values=[0.5, math.nan]
+        differences={(0, 1): (0.2, interval), (0, 2): (math.nan, None)}, values=[0.5, 0.3, math.nan]
     )
     alone, other, unknown = systems._differences(ranked, 0)
     assert alone == ""
