@@ -196,3 +196,64 @@ def test_the_steps_of_a_score_are_said_and_its_tracebacks_with_v(
     said = capsys.readouterr()
     assert said.out == "failed: a.png: no\n"
     assert said.err == "step\nwhere\n" * verbose
+
+
+def made_family(name: str, *noise: Any, status: str = "ok", **hidden: Any) -> Any:
+    cases = [
+        SimpleNamespace(
+            file_name=f"{name}_{k}.png",
+            truth=SimpleNamespace(noise_floor=floor, scored=["a"] * (k + 1)),
+        )
+        for k, floor in enumerate(noise)
+    ]
+    return SimpleNamespace(family=name, status=status, reason="no view" * (status != "ok"),
+                           cases=cases)  # fmt: skip
+
+
+def floor(sd: float, *a_self: float) -> Any:
+    return SimpleNamespace(a_self=a_self, sd=sd, seeds=(1, 2, 3))
+
+
+def test_a_dataset_in_words(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("legoworld.bench.hidden.hidden_things",
+                        lambda cases: {c.file_name: ("cup", "pen") for c in cases[1:]})  # fmt: skip
+    families = [made_family("den", floor(0.02, 0.9, 0.8, 0.95), floor(0.03, 0.85, 0.99)),
+                made_family("hall", floor(0.01, 0.97)), made_family("attic", status="invalid"),
+                made_family("bare", None)]  # fmt: skip
+    made: Any = SimpleNamespace(
+        families=families, refused_families=families[2:3],
+        track=SimpleNamespace(categories=["cup"]),
+    )  # fmt: skip
+    end = [
+        "3 of 4 scenes made into 4 cases, 1 category",
+        "A of the references rendered by the card: 0.8000 at least; seed to seed sd 0.0300 at most "
+        "(3 seeds a case)",
+        "public -> out/public; private -> out/private",
+    ]
+    words = ["bench", "make", str(tmp_path), "-o", "out"]
+    work = "legoworld.api.bench.bench_make"
+    told = ["invalid: attic: no view",
+            "den_1.png: hidden here and not scored, though in an earlier tier: cup, pen"]  # fmt: skip
+    monkeypatch.setattr(work, lambda *_, **__: made)
+    assert cli.run(words) == 1
+    assert capsys.readouterr().out.splitlines() == [*told, *end]
+    assert cli.run([*words, "-v"]) == 1
+    cases = ["den_0.png: 1 scored object", "den_1.png: 2 scored objects",
+             "hall_0.png: 1 scored object", "bare_0.png: 1 scored object"]  # fmt: skip
+    assert capsys.readouterr().out.splitlines() == [*told, *cases, *end]
+    code, document = said(monkeypatch, capsys, work, made, *words)
+    assert (code, document["dataset"]) == (1, "out")
+    assert document["families"][0] == {
+        "family": "den", "status": "ok", "reason": "", "cases": ["den_0.png", "den_1.png"],
+        "hidden": {"den_1.png": ["cup", "pen"]},
+    }  # fmt: skip
+    made.families, made.refused_families, made.track = families[2:3], families[2:3], None
+    assert cli.run(words) == 1
+    nothing = "0 of 1 scene made into 0 cases: no dataset was written"
+    assert capsys.readouterr().out.splitlines() == [told[0], nothing]
+    made.families, made.refused_families = families[3:], []
+    made.track = SimpleNamespace(categories=["cup", "pen"])
+    assert cli.run(words) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "1 of 1 scene made into 1 case, 2 categories", end[-1]
+    ]  # fmt: skip
