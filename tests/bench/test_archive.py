@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import io
 import struct
 import tarfile
@@ -115,6 +116,16 @@ def test_what_is_not_unpacked_says_why(name, tmp_path):
     assert caught.value.found
     assert [p for p in tmp_path.rglob("*") if p.is_symlink()] == []
     assert sum(p.stat().st_size for p in tmp_path.glob("unpacked*/**/*") if p.is_file()) <= 1 << 20
+
+
+def test_a_compressed_tar_that_claims_to_be_plain_is_refused(tmp_path):
+    packed = gzip.compress(tar_of(FILES))
+    name = b"a" * (257 - 10) + b"ustar" + b"a" * 300 + b"\0"
+    data = packed[:3] + b"\x08" + packed[4:10] + name + packed[10:]
+    assert gzip.decompress(data) == tar_of(FILES)
+    assert data[257:262] == b"ustar"
+    with pytest.raises(ArchiveError):
+        unpacked(data, tmp_path)
 
 
 def test_a_tar_without_its_last_blocks_is_whole(tmp_path):

@@ -237,3 +237,25 @@ def test_what_is_left_is_told_in_its_order():
     looked = entry("review", answer={"render_sha256": "5", "findings": None}, seq=9)
     told = list_unfinished([*committed, looked], ())
     assert told == ("The render 5 is not reviewed: call review with it and your findings.",)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_each_harness_gets_its_own_words(dialect, tmp_path):
+    """As their pages state them; after a tool there is nothing to decide."""
+    strict = Told(tmp_path / "case", dialect, require_transaction=True)
+    why = "No transaction is open: call begin of legoworld with what the edit may change."
+    told = {"permission": "deny", "user_message": why, "agent_message": why}
+    if dialect != "cursor":
+        told = {"hookSpecificOutput": {
+            "hookEventName": "PreToolUse", "permissionDecision": "deny",
+            "permissionDecisionReason": why,
+        }}  # fmt: skip
+    assert strict.edit() == told
+    after = {"cursor": "afterMCPExecution"}.get(dialect, "PostToolUse")
+    assert strict.ask(after, tool_name=TOOL[dialect]) == {}
+    look = strict.ask(BEFORE[dialect], tool_name="get_scene_info")
+    assert look == ({"permission": "allow"} if dialect == "cursor" else {})
+    why = strict.why()
+    assert strict.stop() == (
+        {"followup_message": why} if dialect == "cursor" else {"decision": "block", "reason": why}
+    )

@@ -49,6 +49,8 @@ def test_an_orbit_is_turned_to_its_object_and_filled_by_it(live, azimuth_deg, el
     shown = np.array([seen_at(shot, camera, c)[:2] for c in corners])
     assert shown.min() > 0
     assert shown.max() < 1
+    nearest = min(seen_at(shot, camera, c)[2] for c in corners)
+    assert nearest / 2 < camera.clip_start <= nearest, "no depth is lost on what is in front"
     pose = np.array(camera.world_from_camera)
     assert np.linalg.det(pose[:, :3]) == pytest.approx(1)
     assert pose[2, 1] <= 1e-9  # upright: the picture's down is not up
