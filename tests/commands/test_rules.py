@@ -198,7 +198,7 @@ def test_the_steps_of_a_score_are_said_and_its_tracebacks_with_v(
     assert said.err == "step\nwhere\n" * verbose
 
 
-def made_family(name: str, *noise: Any, status: str = "ok", **hidden: Any) -> Any:
+def made_family(name: str, *noise: Any, status: str = "ok") -> Any:
     cases = [
         SimpleNamespace(
             file_name=f"{name}_{k}.png",
@@ -232,8 +232,10 @@ def test_a_dataset_in_words(monkeypatch, tmp_path, capsys):
     ]
     words = ["bench", "make", str(tmp_path), "-o", "out"]
     work = "legoworld.api.bench.bench_make"
-    told = ["invalid: attic: no view",
-            "den_1.png: hidden here and not scored, though in an earlier tier: cup, pen"]  # fmt: skip
+    told = [
+        "invalid: attic: no view",
+        "den_1.png: hidden here and not scored, though in an earlier tier: cup, pen",
+    ]
     monkeypatch.setattr(work, lambda *_, **__: made)
     assert cli.run(words) == 1
     assert capsys.readouterr().out.splitlines() == [*told, *end]
