@@ -20,6 +20,7 @@ from legoworld.baselines.foreign_results import next_step_for
 from legoworld.baselines.labels import LabelsUnmatchedError, Matcher, label_map
 from legoworld.baselines.normals import normals_source
 from legoworld.baselines.photo_names import PhotosUnmatchedError, file_name, place
+from legoworld.baselines.results_file import read_results
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.box_formats import MAX_SHARE_OUTSIDE, BoxFormatError
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
@@ -402,3 +403,19 @@ def test_every_kind_of_foreign_file_has_its_own_way_to_json(tmp_path, suffixes, 
         (folder / "a.md").touch()
         (folder / f"results{suffix}").touch()
         assert next_step_for(folder) == next_step_for(tmp_path / f"results{suffix}")
+
+
+@pytest.mark.parametrize(
+    "where",
+    [{"bbox": [1, 2, 3, 4]}, {"segmentation": [[1, 2, 3, 2, 3, 4]]},
+     {"bbox": [1, 2, 3, 4], "segmentation": [[1, 2, 3, 2, 3, 4]]}],
+)  # fmt: skip
+def test_a_file_of_one_result_is_a_list_of_it(tmp_path, where):
+    result = {"image_id": 1, "category_id": 2, "score": 0.5, **where}
+    found = []
+    for k, text in enumerate((json.dumps(result), json.dumps([result]))):
+        path = tmp_path / f"{k}.jsonl"
+        path.write_text(text + "\n")
+        found.append(read_results(path).entries)
+    assert found[0] == found[1]
+    assert len(found[0]) == 1

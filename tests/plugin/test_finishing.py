@@ -110,7 +110,7 @@ def test_reports_and_renders_are_resources_by_hash(case):
             kept = await client.read_resource(f"legoworld://reports/{report['report_sha256']}")
             shown = await client.read_resource(f"legoworld://renders/{said['render_sha256']}")
             noted = await client.call_tool(
-                "review", {"render_sha256": said["render_sha256"], "findings": []}
+                "review", {"render_sha256": said["render_sha256"], "findings": ["too dark"]}
             )
             return looked.content[1], kept.contents[0], shown.contents[0], noted
 
@@ -119,7 +119,7 @@ def test_reports_and_renders_are_resources_by_hash(case):
     assert kept.text == readable(case.ledger.entries[0].answer)
     assert picture.type == "image"
     assert shown.blob == picture.data
-    assert json.loads(noted.content[0].text)["findings"] == []
+    assert json.loads(noted.content[0].text)["findings"] == ["too dark"]
 
 
 @pytest.mark.parametrize("sha256", ["0" * 64, "../../ledger", "x"])
