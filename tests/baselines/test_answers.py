@@ -389,3 +389,20 @@ def test_a_baseline_without_a_network_is_told_so(bubblewrap, network, offline, m
     own = {"TRITON_CACHE_DIR": "/in/home/triton", "CUDA_CACHE_PATH": "/in/home/cuda",
            "USER": "baseline"}  # fmt: skip
     assert {name: found.get(name) for name in own} == (own if bubblewrap else dict.fromkeys(own))
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_a_baseline_draws_its_progress_on_a_terminal_alone(terminal, monkeypatch):
+    given = {"TOKENIZERS_PARALLELISM": "true"}
+    monkeypatch.setattr(child, "child_environment", lambda *_, **__: {**given})
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal, raising=False)
+    sandbox: Any = SimpleNamespace(path_inside=lambda name: f"/in/{name}", temporary="/in/tmp")
+    held = SimpleNamespace(bubblewrap=None, network=True)
+    card: Any = SimpleNamespace(shared_path="/shared")
+    request: Any = SimpleNamespace(offline=False)
+    found = child._environment(card, sandbox, SimpleNamespace(held=held), [], request)  # type: ignore[arg-type]
+    progress = {} if terminal else {"HF_HUB_DISABLE_PROGRESS_BARS": "1"}
+    assert found == {
+        "PYTHONPATH": "/shared", "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1",
+        "PYTHONUNBUFFERED": "1", "CUBLAS_WORKSPACE_CONFIG": ":4096:8", **given, **progress,
+    }  # fmt: skip
