@@ -246,7 +246,7 @@ AT_HOME = {
     "commands/export_command.py": (1, "a file format"),
     "evaluation/detection/evaluators.py": (2, "the package of that name"),
     "evaluation/detection/lvis_package.py": (4, "the package of that name"),
-    "evaluation/reconstruction/articulation_card.py": (1, "a card's own word"),
+    "evaluation/reconstruction/articulation.py": (1, "a card's own word"),
     "exports/formats.py": (4, "a file format"),
     "records/bench_dataset.py": (2, "a file's own word for what it is"),
     "records/bench_results.py": (1, "a judge's word for what is judged"),

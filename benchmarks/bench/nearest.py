@@ -30,9 +30,8 @@ from pathlib import Path
 import numpy as np
 
 from legoworld.evaluation.reconstruction.nearest import Nearest, nearest_both_ways
-from legoworld.evaluation.reconstruction.points import Raster, picture_raster, points_m
+from legoworld.evaluation.reconstruction.points import Raster, Tolerance, picture_raster, points_m
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from evaluation.reconstruction.brute_force import nearest as brute_force

@@ -26,12 +26,11 @@ from pathlib import Path
 import numpy as np
 
 from legoworld.evaluation.reconstruction import appearance
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchFolders, read_dataset
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
 from legoworld.evaluation.reconstruction.points import points_m
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import load_reference
 from legoworld.evaluation.reconstruction.submission import (
     load_render,

@@ -21,8 +21,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from legoworld.bench.admission import Admission, Counts, Place
-from legoworld.bench.http_options import HttpOptions
+from legoworld.bench.admission import Admission, Counts, HttpOptions, Place
 from legoworld.bench.score_worker import REFUSED, Order, ServeOptions
 from legoworld.bench.server import ScoreServer
 from legoworld.files import canonical_json

@@ -9,8 +9,12 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
 from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
-from legoworld.evaluation.label_maps.family import MapFamily
-from legoworld.evaluation.label_maps.sums import present_categories, resample_values, total_sums
+from legoworld.evaluation.label_maps.family import (
+    MapFamily,
+    present_categories,
+    resample_values,
+    total_sums,
+)
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 from msgspec import structs
 
-from legoworld.comparison.compatibility import check_comparable
+from legoworld.comparison.compatibility import check_comparable, distinct_names
 from legoworld.comparison.provenance import NOT_RECORDED, recorded_provenance
-from legoworld.comparison.sides import distinct_names
 from legoworld.comparison.standings import standings_table
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.bootstrap import interval

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from legoworld.comparison.family import ComparisonFamily, Measurer
 from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
 from legoworld.evaluation.bootstrap import weighted_sums
-from legoworld.evaluation.relations.summary import METRICS, POLICIES, ratios, sums_of, values
+from legoworld.evaluation.relations.family import METRICS, POLICIES, ratios, sums_of, values
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images
 from legoworld.records.evidence import ComparisonSettings

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.reconstruction.appearance import PictureError, agreement
-from legoworld.evaluation.reconstruction.correspondence import on_one_raster
+from legoworld.evaluation.reconstruction.fscore import on_one_raster
 from legoworld.evaluation.reconstruction.geometry import r_moved
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Depth, finite_points

@@ -19,8 +19,7 @@ from legoworld.pluralize import in_another_folder
 from legoworld.records.base import UNSET, canonical, readable
 from legoworld.records.track import ImageInfo, MadeTrack, TrackInfo
 from legoworld.track_making.family import load_track_family
-from legoworld.tracks.source import Source
-from legoworld.tracks.track import TrackImage, load_track, photo_names, photo_scene_name
+from legoworld.tracks.track import Source, TrackImage, load_track, photo_names, photo_scene_name
 from legoworld.tracks.vocabulary import find_dataset
 
 T = TypeVar("T")

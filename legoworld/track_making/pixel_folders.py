@@ -15,8 +15,7 @@ from legoworld.pluralize import plural
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import canonical
 from legoworld.records.track import ImageInfo, Part
-from legoworld.tracks.source import Source
-from legoworld.tracks.track import scene_name
+from legoworld.tracks.track import Source, scene_name
 
 _PHOTO_SUFFIXES: Final = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".ppm")
 

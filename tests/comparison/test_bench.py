@@ -23,9 +23,9 @@ from legoworld.comparison.leaderboard import (
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import ConfigurationMismatchError, UsageError
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.means import mean_and_sd
+from legoworld.evaluation.reconstruction.protocol import Choices
 from legoworld.records.evidence import ComparisonSettings
 from legoworld.tables.files import comma_separated, markdown
 

@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.read_depth import check_raw_float32, read_raw_float32
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.depth.arrays import DepthArray, DepthTruthError, ray_lengths
-from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
+from legoworld.evaluation.depth.arrays import (
+    DECLARATION,
+    Declaration,
+    DepthArray,
+    DepthTruthError,
+    ray_lengths,
+    read_declaration,
+)
 from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
-from legoworld.evaluation.depth.integer_units import per_metre
-from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.labelled import per_metre, read_labelled
 from legoworld.evaluation.pixels.family import PixelTruth
-from legoworld.evaluation.pixels.truth import find_all_truth, find_array
+from legoworld.evaluation.pixels.labelled import find_all_truth, find_array
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.colmap import Calibration, Camera, read_calibration
 

@@ -12,8 +12,7 @@ import numpy as np
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import UsageError
 from legoworld.evaluation.checks import Check, check_equal
-from legoworld.evaluation.detection.amodal_sums import amodal_values, total_sums
-from legoworld.evaluation.detection.amodal_text import amodal_tables
+from legoworld.evaluation.detection.amodal_sums import amodal_tables, amodal_values, total_sums
 from legoworld.evaluation.detection.evaluate import default_evaluator, evaluate_detections
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values

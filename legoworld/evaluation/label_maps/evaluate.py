@@ -23,8 +23,10 @@ from legoworld.evaluation.label_maps.family import (
     MapTruth,
     MapTruthError,
     MapUnseenError,
+    present_categories,
+    resample_values,
+    total_sums,
 )
-from legoworld.evaluation.label_maps.sums import present_categories, resample_values, total_sums
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
 from legoworld.files import sha256_of_file

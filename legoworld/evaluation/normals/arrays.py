@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
-from legoworld.evaluation.pixels.errors import pixel_errors
-from legoworld.evaluation.pixels.family import F64, Index, Mask, PixelTruth, Stored
+from legoworld.evaluation.pixels.family import F64, Index, Mask, PixelTruth, Stored, pixel_errors
 from legoworld.evaluation.pixels.labelled import (
     check_version,
+    find_all_truth,
+    find_array,
     fits_into_memory,
     is_text,
     merge_declarations,
@@ -24,7 +25,6 @@ from legoworld.evaluation.pixels.labelled import (
     read_declared,
     text_label,
 )
-from legoworld.evaluation.pixels.truth import find_all_truth, find_array
 from legoworld.readouts.normals import NORMALS_FILE
 from legoworld.records.run_rows import RunImage
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld import exit_codes
 from legoworld.cards import Card
 from legoworld.depth_files.headers import SizeCheck
-from legoworld.evaluation.pixels.errors import PixelErrors
+from legoworld.errors import LegoWorldError
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.comparison import Better
@@ -21,6 +22,47 @@ from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
 from legoworld.records.pixels import PixelRow, PixelSummary
 from legoworld.records.run_rows import RunImage
 from legoworld.tasks.task import Family
+
+if TYPE_CHECKING:
+    from legoworld.evaluation.pixels.rows import PixelRun
+
+
+class PixelErrors(NamedTuple):
+    """The errors of a family, each with its own code.
+
+    truth: ground truth is missing, undeclared or contradicts the track, which ends scoring;
+    prediction, missing: of a file that is unusable, or not there; unseen: of a machine that does
+    not see the same files as the command.
+    """
+
+    truth: type[LegoWorldError]
+    prediction: type[LegoWorldError]
+    missing: type[LegoWorldError]
+    unseen: type[LegoWorldError]
+
+
+def pixel_errors(noun: str, module: str) -> PixelErrors:
+    """The errors of a family, such as `DepthTruthError` of "depth" with the code "depth_truth".
+
+    module: the one that holds them under these names, by which they cross processes.
+    """
+    attributes: dict[str, dict[str, Any]] = {
+        "truth": {},
+        "prediction": {"status": "invalid"},
+        "missing": {"status": "missing"},
+        "unseen": {"exit_code": exit_codes.BLOCKED},
+    }
+    return PixelErrors(
+        **{
+            kind: type(
+                f"{noun.capitalize()}{kind.capitalize()}Error",
+                (LegoWorldError,),
+                {"code": f"{noun}_{kind}", "__module__": module, **own},
+            )
+            for kind, own in attributes.items()
+        }
+    )
+
 
 #: What every family's code implements.
 _FIXED: Final[dict[str, Any]] = {
@@ -65,9 +107,6 @@ def pixel_protocol(
     card.hold_to({**_FIXED, **fixed})
     return PixelProtocol(card=card, declared=declared)
 
-
-if TYPE_CHECKING:
-    from legoworld.evaluation.pixels.predictions import PixelRun
 
 F64 = NDArray[np.float64]
 Index = NDArray[np.intp]

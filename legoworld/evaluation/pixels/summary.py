@@ -1,14 +1,15 @@
-"""Summaries: means over images, intervals over scenes, denominators."""
+"""Summaries of arrays: means over images, intervals over scenes, denominators; and their text."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, resampled_means
+from legoworld.evaluation.metrics import MetricRow, first_few, number_cell
 from legoworld.evaluation.pixels.family import (
     PixelFamily,
     PixelMetric,
@@ -17,9 +18,10 @@ from legoworld.evaluation.pixels.family import (
     metric_policies,
 )
 from legoworld.evaluation.run import count_images
+from legoworld.pluralize import plural
 from legoworld.records.base import UNSET, to_record
 from legoworld.records.evaluation_summary import Interval, NotScored
-from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow
+from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow, PixelSummary
 
 
 def summarise(
@@ -146,3 +148,27 @@ def _intervals(
             samples = mean_samples(np.array(values, np.float64), scored, columns, counts)
         intervals.setdefault(metric, {})[policy] = interval(samples, unit=bootstrap.unit)
     return bootstrap, intervals
+
+
+def list_unscored(summary: PixelSummary) -> list[str]:
+    """A line for each image without a score."""
+    return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+
+
+def list_few_unscored(summary: PixelSummary) -> list[str]:
+    """The first of these."""
+    return first_few(list_unscored(summary), "image without a score", "images without a score")
+
+
+def attempted_rows(summary: PixelSummary, metric: str) -> list[MetricRow]:
+    """A metric over every image with truth."""
+    every = cast("Any", summary).all_attempted
+    images = plural(every.images, "image", "images")
+    given = getattr(every, f"missing_{metric}")
+    over = f"{images} with truth, {every.missing} of them without a score at {given:g}"
+    return [
+        MetricRow(
+            name=f"{metric}, all attempted", policy=policy, number=number_cell(value), over=over
+        )
+        for policy, value in getattr(every, metric).items()
+    ]

@@ -10,14 +10,13 @@ from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import (
     TRUTH,
     BenchDataset,
     check_run,
     read_dataset,
 )
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import check_sampling
 from legoworld.evaluation.reconstruction.second_card import SecondCard, X, read_second_card
 from legoworld.evaluation.reconstruction.submission import BenchRun, list_files, read_bench_run

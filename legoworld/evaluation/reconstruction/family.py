@@ -7,8 +7,8 @@ from typing import Final, cast
 
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, RecordedEvaluation
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.protocol import Choices
 from legoworld.evaluation.reconstruction.text import (
     bench_metrics,
     bench_notes,

@@ -9,23 +9,18 @@ from functools import cached_property
 import numpy as np
 
 from legoworld.evaluation.reconstruction import aligned
-from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.correspondence import (
+from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
+from legoworld.evaluation.reconstruction.fscore import (
     Correspondence,
+    Score,
+    chamfer_over_diagonal,
+    mean_f1,
     of_clouds,
     on_one_raster,
-)
-from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
-from legoworld.evaluation.reconstruction.diagnostics import (
-    chamfer_over_diagonal,
     precision_recall,
-    voxel_ious,
-)
-from legoworld.evaluation.reconstruction.fscore import (
-    Score,
-    mean_f1,
     scores,
     scores_on_rasters,
+    voxel_ious,
 )
 from legoworld.evaluation.reconstruction.nearest import GridSurface
 from legoworld.evaluation.reconstruction.points import (
@@ -36,7 +31,7 @@ from legoworld.evaluation.reconstruction.points import (
     pixel_of_points,
     points_m,
 )
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.evaluation.reconstruction.reference import RASTER, Reference, load_cloud
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.records.reconstruction import Diagnostics, ObjectRow, Registration

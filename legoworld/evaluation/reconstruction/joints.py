@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.reconstruction.articulation import Present, count_joints, none_found
-from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
+from legoworld.evaluation.reconstruction.articulation import (
+    Present,
+    articulation_rules,
+    count_joints,
+    none_found,
+)
 from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
-from legoworld.evaluation.reconstruction.points import F64, finite_points, points_m
+from legoworld.evaluation.reconstruction.points import F64, Tolerance, finite_points, points_m
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.submission import Surface
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.bench_dataset import Articulation, ReferenceJoint, Vector
 from legoworld.records.submission import BenchRow

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.kernels.library import check, library, pointer
-from legoworld.evaluation.reconstruction.points import Depth, Labels, Raster
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
+from legoworld.evaluation.reconstruction.points import Depth, Labels, Raster, Tolerance
 
 
 class _GridStruct(ctypes.Structure):

@@ -14,8 +14,12 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.evaluation.reconstruction import appearance
-from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders, read_record
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
+from legoworld.evaluation.reconstruction.dataset import (
+    BenchCase,
+    BenchFolders,
+    BenchTruthError,
+    read_record,
+)
 from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores_on_rasters
 from legoworld.evaluation.reconstruction.integrity import make_flag
 from legoworld.evaluation.reconstruction.nearest import GridSurface

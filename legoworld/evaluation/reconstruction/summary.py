@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from legoworld.evaluation.bootstrap import LEVEL
-from legoworld.evaluation.reconstruction.articulation import articulation_score, sum_counts
-from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
-from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.reconstruction.articulation import (
+    articulation_rules,
+    articulation_score,
+    sum_counts,
+)
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds, view_drop
 from legoworld.evaluation.reconstruction.means import (
     compute_group_means,
@@ -20,7 +22,7 @@ from legoworld.evaluation.reconstruction.means import (
     family_draws,
     headline,
 )
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.records.base import UNSET, UnsetType, as_json, to_record
 from legoworld.records.bench_dataset import ArticulationSummary
 from legoworld.records.evaluation_summary import Evaluator, NotScored

@@ -12,10 +12,9 @@ from legoworld.cards import load_card
 from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.evidence import agreement
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.evaluation.reconstruction.evaluate import case_tasks, second_card
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.records.base import as_json

@@ -23,9 +23,9 @@ from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.reconstruction import case_tasks
-from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
+from legoworld.evaluation.reconstruction.dataset import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.protocol import Choices
 from legoworld.evaluation.run import RunUnusableError
 from legoworld.records.submission import Check
 from legoworld.workers.tasks import WorkerPool

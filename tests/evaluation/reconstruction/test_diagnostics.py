@@ -21,9 +21,12 @@ from legoworld.evaluation.reconstruction.aligned import (
     median_scaled,
     trimmed_icp,
 )
-from legoworld.evaluation.reconstruction.correspondence import on_one_raster
-from legoworld.evaluation.reconstruction.diagnostics import chamfer_over_diagonal, voxel_ious
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.fscore import (
+    chamfer_over_diagonal,
+    on_one_raster,
+    voxel_ious,
+)
 from legoworld.evaluation.reconstruction.integrity import correlation
 from legoworld.evaluation.reconstruction.points import finite_points, points_m
 

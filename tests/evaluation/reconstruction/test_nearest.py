@@ -15,8 +15,7 @@ from legoworld.evaluation.reconstruction.nearest import (
     nearest_between,
     nearest_both_ways,
 )
-from legoworld.evaluation.reconstruction.points import Raster, finite_points, points_m
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
+from legoworld.evaluation.reconstruction.points import Raster, Tolerance, finite_points, points_m
 
 #: float64 numbers in a vector: AVX-512, AVX2 and what every CPU has, where this one has them.
 LANES = (8, 4, 2)

@@ -9,10 +9,16 @@ import pytest
 from evaluation.reconstruction import brute_force
 from evaluation.reconstruction.datasets import scene
 
-from legoworld.evaluation.reconstruction.correspondence import of_clouds, on_one_raster
-from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
+from legoworld.evaluation.reconstruction.fscore import (
+    Score,
+    mean_f1,
+    of_clouds,
+    on_one_raster,
+    scores,
+)
 from legoworld.evaluation.reconstruction.points import (
     Raster,
+    Tolerance,
     finite_points,
     picture_raster,
     pixel_of_points,
@@ -20,7 +26,6 @@ from legoworld.evaluation.reconstruction.points import (
 )
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import containing_pixels
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 RASTER = picture_raster((160, 90), 50.0, (80, 45))
 FIVE = Tolerance(name="F5", relative=0.05)

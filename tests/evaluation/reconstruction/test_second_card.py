@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from legoworld import cli
 from legoworld.cards import load_card
 from legoworld.evaluation.evidence import verify
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
+from legoworld.evaluation.reconstruction.dataset import BenchTruthError
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.integrity import scale_flags
 from legoworld.evaluation.reconstruction.points import picture_raster

@@ -10,9 +10,9 @@ from legoworld.errors import CatalogError
 from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
 from legoworld.evaluation.checks import check_equal
 from legoworld.evaluation.family import EvaluationFamily
+from legoworld.evaluation.metrics import bounds, describe_evaluator, fraction, image_counts
 from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import read_family_run, read_rows, run_view
-from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
 from legoworld.records.evaluation_summary import Coverage, Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (

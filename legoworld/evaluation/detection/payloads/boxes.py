@@ -30,7 +30,7 @@ from legoworld.records.evaluation_view import TrueImage
 from legoworld.records.predictions import BoxPrediction
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
 
 
 def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:

@@ -13,8 +13,12 @@ from typing import TYPE_CHECKING, Any, Final, TypeGuard, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.evaluation.box_overlaps import box_ious, box_volumes
-from legoworld.evaluation.detection.box3d_errors import difference_said, space_errors
+from legoworld.evaluation.detection.box3d_errors import (
+    box_ious,
+    box_volumes,
+    difference_said,
+    space_errors,
+)
 from legoworld.evaluation.detection.grid import SPACE
 from legoworld.evaluation.detection.inputs.box_formats import is_finite
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
@@ -42,7 +46,7 @@ from legoworld.records.predictions import Box3dPrediction
 from legoworld.visibility.cuboids import SIGNS, cuboid_corners, edge_vectors, extent_px, lines_px
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
 
 Floats = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, T
 from legoworld.records.predictions import Box3dPrediction, BoxPrediction, MaskPrediction
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
     from legoworld.evaluation.detection.protocols import DetectionProtocol
 
 IouType = Literal["bbox", "segm", "bbox3D"]

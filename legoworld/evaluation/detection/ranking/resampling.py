@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.problem import Floats
@@ -21,6 +20,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     rank_category,
     resample,
 )
+from legoworld.evaluation.kernels.library import category_threads
 
 Counts = NDArray[np.int32]
 
