@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from legoworld.evaluation.family import EvaluationRequest
 from legoworld.evaluation.reconstruction import appearance
 from legoworld.evaluation.reconstruction.dataset import BenchFolders, read_dataset
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
@@ -157,10 +158,17 @@ def main() -> None:
         ):
             start, spent = time.perf_counter(), cpu_seconds()
             evaluate_bench(
-                run, dataset.private, root / "evaluation", pool=pool, overwrite=True,
-                choices=Choices(diagnostics=diagnostics),
-                progress=lambda _: peaks.append(workers_peak_mib()),
-            )  # fmt: skip
+                EvaluationRequest(
+                    run=run,
+                    truth=dataset.private,
+                    output=root / "evaluation",
+                    draws=10_000,
+                    options={"diagnostics": diagnostics},
+                    overwrite=True,
+                    progress=lambda _: peaks.append(workers_peak_mib()),
+                    pool=pool,
+                )
+            )
             print(f"the run {name} diagnostics, {options.workers} workers: "
                   f"{time.perf_counter() - start:.1f} s, CPU of all processes "
                   f"{cpu_seconds() - spent:.1f} s")  # fmt: skip

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.pixels.family import F64, Index, Mask, Stored, pixel_errors
+from legoworld.evaluation.pixels.family import F64, Index, Mask, PixelArray, Stored, pixel_errors
 from legoworld.evaluation.pixels.labelled import is_text, read_declared
 from legoworld.files import Json
 
@@ -39,7 +39,7 @@ _LARGEST: Final = 1e150
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthArray:
+class DepthArray(PixelArray):
     """(H, W) float32 or float64 values and their declared quantity.
 
     space: "depth" is planar z, "ray_distance" the distance from the camera's centre, "disparity"
@@ -48,16 +48,9 @@ class DepthArray:
     left pixel; ray distance cannot be turned into depth without them.
     """
 
-    values: NDArray[Any]
     space: Space
     unit: str | None
     intrinsics_px: Intrinsics | None
-    stored: Stored | None = None
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        """(width, height)."""
-        return int(self.values.shape[1]), int(self.values.shape[0])
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """Disparity at pixels (n,), 0 where there is no prediction, and a mask of predictions.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -146,23 +146,12 @@ def read_labelled(
         if path.suffix.lower() == ".npz":
             return _read_npz(path, declared, check_size, accept_float16)
         values, channel = read_picture(path, channel=declared.array, check_size=check_size)
-        return _array(_Labels.of(declared), values, channel, declared, path, accept_float16)
+        return _array(declared, values, channel, path, accept_float16)
 
 
 def read_prediction(path: Path, check_size: SizeCheck | None) -> DepthArray:
     """A file of a run, which declares itself. The same errors."""
     return read_labelled(path, Declaration(), check_size=check_size)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Labels:
-    space: str | None
-    unit: str | None
-    intrinsics_px: Intrinsics | None
-
-    @classmethod
-    def of(cls, declared: Declaration) -> _Labels:
-        return cls(space=declared.space, unit=declared.unit, intrinsics_px=declared.intrinsics_px)
 
 
 def _read_npz(
@@ -180,17 +169,12 @@ def _read_npz(
         unit = merge_declarations("unit", unit, "m", path)
     intrinsics = _intrinsics(own, path) or declared.intrinsics_px
     values = read_npz_array(path, name, check_size)
-    labels = _Labels(space=space, unit=unit, intrinsics_px=intrinsics)
-    return _array(labels, values, name, declared, path, accept_float16)
+    labels = replace(declared, space=space, unit=unit, intrinsics_px=intrinsics)
+    return _array(labels, values, name, path, accept_float16)
 
 
 def _array(
-    labels: _Labels,
-    values: NDArray[Any],
-    name: str | None,
-    declared: Declaration,
-    path: Path,
-    accept_float16: bool,
+    labels: Declaration, values: NDArray[Any], name: str | None, path: Path, accept_float16: bool
 ) -> DepthArray:
     stored = Stored(array=name, dtype=str(values.dtype), shape=values.shape)
     values = values.reshape(picture_shape(values.shape))
@@ -198,7 +182,7 @@ def _array(
         values = values.astype(values.dtype.newbyteorder("="))
     unit = labels.unit
     if values.dtype.kind in "iu":
-        values = metres(values, unit, invalid_value=declared.invalid_value, source=path.name)
+        values = metres(values, unit, invalid_value=labels.invalid_value, source=path.name)
         unit = "m"
     if accept_float16 and values.dtype == np.float16:
         values = values.astype(np.float32)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -165,12 +165,7 @@ def score_image(truth_z_m: NDArray[Any], sample: Sample, protocol: DepthProtocol
         constant_seen += _constant_sums(first.fit, true_z_m[on], base)
         constant_whole += _constant_sums(first.whole, true_z_m, base)
     return ImageScore(
-        counts=Counts(
-            truth=first.counts.truth,
-            predicted=first.counts.predicted,
-            clamped=clamped,
-            outside=first.counts.outside,
-        ),
+        counts=replace(first.counts, clamped=clamped),
         deepest_z_m=first.deepest_z_m,
         fit=fit,
         metrics=compute_metrics(seen, holes, protocol),

@@ -35,8 +35,7 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.family import EvaluationRequest
-from legoworld.evaluation.prepare_inputs import prepared_inputs
+from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
@@ -79,13 +78,8 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
         seed=request.seed,
         card_sha256=protocol.card.sha256,
     )
-    inputs = prepared_inputs(
-        request.output,
-        [("truth", request.truth), *run_inputs(run)],
-        configuration,
-        run=run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
+    inputs = prepare_inputs(
+        request, run.folder, [("truth", request.truth), *run_inputs(run)], configuration
     )
     notice("checking the predictions")
     batches = read_predictions(run, prediction_type(protocol))

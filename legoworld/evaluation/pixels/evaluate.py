@@ -13,7 +13,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.checks import Check, refuse_unseen
 from legoworld.evaluation.evidence import agreement, check_summary
-from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation
+from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation, prepare_inputs
 from legoworld.evaluation.pixels.family import (
     ImageResult,
     Options,
@@ -24,7 +24,6 @@ from legoworld.evaluation.pixels.family import (
 )
 from legoworld.evaluation.pixels.rows import PixelImage, PixelRun, read_pixel_run, score_row
 from legoworld.evaluation.pixels.summary import summarise
-from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
 from legoworld.records.base import as_json
@@ -107,13 +106,8 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
         seed=settings.seed,
         **options,
     )
-    inputs = prepared_inputs(
-        request.output,
-        _inputs(run, truth / family.declaration, files),
-        configuration,
-        run=run.run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
+    inputs = prepare_inputs(
+        request, run.run.folder, _inputs(run, truth / family.declaration, files), configuration
     )
     rows: list[PixelRow] = []
     views: dict[str, Any] = {"run.json": run_view(run.run)}

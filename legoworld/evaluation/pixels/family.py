@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,59 +125,50 @@ class Stored:
     shape: tuple[int, ...]
 
 
-class PixelArray(Protocol):
-    """A predicted array, (H, W) or (H, W, channels), with what its family declares of it."""
-
-    @property
-    def values(self) -> NDArray[Any]:
-        """As the file has them."""
-        ...
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        """(width, height)."""
-        ...
-
-    @property
-    def stored(self) -> Stored | None:
-        """How its file has it; None for an array of no file."""
-        ...
-
-    def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
-        """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
-        ...
-
-
-class TruthFile(Protocol):
-    """One image's ground truth, as it was found. calibration: further files that it needs."""
-
-    @property
-    def path(self) -> Path:
-        """Of the array."""
-        ...
-
-    @property
-    def calibration(self) -> tuple[Path, ...]:
-        """Further files that it needs."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True)
-class PixelTruth:
-    """One image's ground truth, in memory.
-
-    values: (H, W) or (H, W, channels), valid where the family says so; counts: fields of the row
-    that are the family's own; warnings: of the row.
-    """
+class _Picture:
+    """values: (H, W) or (H, W, channels)."""
 
     values: NDArray[Any]
-    counts: Mapping[str, int]
-    warnings: tuple[str, ...] = ()
 
     @property
     def size_wh(self) -> tuple[int, int]:
         """(width, height)."""
         return int(self.values.shape[1]), int(self.values.shape[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelArray(_Picture, ABC):
+    """A predicted array, with what its family declares of it.
+
+    stored: how its file has it; None for an array of no file.
+    """
+
+    stored: Stored | None = None
+
+    @abstractmethod
+    def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
+        """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruthFile:
+    """One image's ground truth, as it was found. calibration: further files that it needs."""
+
+    path: Path
+    calibration: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelTruth(_Picture):
+    """One image's ground truth, in memory.
+
+    Values are valid where the family says so; counts: fields of the row that are the family's own;
+    warnings: of the row.
+    """
+
+    counts: Mapping[str, int]
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

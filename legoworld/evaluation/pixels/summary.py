@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, resampled_means
+from legoworld.evaluation.bootstrap import LEVEL, draw_groups, interval
 from legoworld.evaluation.metrics import MetricRow, first_few, number_cell
 from legoworld.evaluation.pixels.family import (
     PixelFamily,
@@ -100,27 +99,6 @@ def resampling_unit(rows: Sequence[PixelRow]) -> Any:
     return "scene" if named else "image"
 
 
-def group_columns(rows: Sequence[PixelRow]) -> dict[str, int]:
-    """The groups of rows, each with its column in the draws."""
-    return {name: k for k, name in enumerate(sorted({row.group for row in rows}))}
-
-
-def group_draws(columns: Mapping[str, int], draws: int, seed: int) -> NDArray[np.int32] | None:
-    """Draws over groups, (draws, groups); None where there are fewer than two."""
-    return resample_counts(len(columns), draws, seed) if len(columns) > 1 else None
-
-
-def mean_samples(
-    values: NDArray[np.float64],
-    rows: Sequence[PixelRow],
-    columns: Mapping[str, int],
-    counts: NDArray[np.int32],
-) -> NDArray[np.float64]:
-    """(draws,) means of the rows' values, each weighted by how often its group was drawn."""
-    groups = np.array([columns[row.group] for row in rows], np.int64)
-    return resampled_means(values, groups, counts)
-
-
 def _intervals(
     rows: Sequence[PixelRow], metrics: Sequence[PixelMetric], settings: Settings
 ) -> tuple[PixelBootstrap, dict[str, dict[str, Interval]]]:
@@ -131,21 +109,20 @@ def _intervals(
     """
     with_truth = [row for row in rows if row.has_truth]
     scored = [row for row in rows if row.has_score]
-    columns = group_columns(with_truth)
+    draws = draw_groups([row.group for row in with_truth], settings.draws, settings.seed)
     bootstrap = PixelBootstrap(
         draws=settings.draws,
         seed=settings.seed,
         unit=resampling_unit(with_truth),
-        groups=len(columns),
+        groups=len(draws.column),
         level=LEVEL,
     )
-    counts = group_draws(columns, settings.draws, settings.seed) if scored else None
     intervals: dict[str, dict[str, Interval]] = {}
     for metric, policy in metric_policies(metrics):
         samples = np.full(settings.draws, np.nan)
-        if counts is not None:
+        if draws.spread and scored:
             values = [row.scores[metric][policy] for row in scored if row.scores]
-            samples = mean_samples(np.array(values, np.float64), scored, columns, counts)
+            samples = draws.means(np.array(values, np.float64), [row.group for row in scored])
         intervals.setdefault(metric, {})[policy] = interval(samples, unit=bootstrap.unit)
     return bootstrap, intervals
 

@@ -95,10 +95,7 @@ def score_case(task: CaseTask) -> ReconstructionRow:
             )
         surface = load_surface(task.run, row.surface, reference.raster)
         render = None if row.render is UNSET else load_render(task.run, row.render)
-    except SubmissionFileError as error:
-        return replace(zeros, status="changed", code=error.code, reason=str(error))
-    compared = _score_compared(task, zeros, reference, surface, render)
-    try:
+        compared = _score_compared(task, zeros, reference, surface, render)
         return _with_second_card(task, compared, reference, surface)
     except SubmissionFileError as error:
         return replace(zeros, status="changed", code=error.code, reason=str(error))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legoworld.evaluation.bootstrap import LEVEL
+from legoworld.evaluation.bootstrap import LEVEL, draw_groups
 from legoworld.evaluation.reconstruction.articulation import (
     articulation_rules,
     articulation_score,
@@ -19,7 +19,6 @@ from legoworld.evaluation.reconstruction.means import (
     compute_group_means,
     compute_means,
     diagnostic_means,
-    family_draws,
     headline,
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
@@ -59,7 +58,7 @@ def summarise(
 ) -> ReconstructionSummary:
     """The summary of the rows of every attempted case, ascending image id."""
     measures = headline([t.name for t in protocol.others], second=protocol.x is not None)
-    draws = family_draws(rows, settings.draws, settings.seed)
+    draws = draw_groups([row.family for row in rows], settings.draws, settings.seed)
     return ReconstructionSummary(
         task=protocol.card.task,
         kind=kind,

@@ -5,7 +5,6 @@ Numbers are ratios of sums over rows, with intervals over images.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -16,9 +15,14 @@ from numpy.typing import NDArray
 
 from legoworld.cards import load_card
 from legoworld.evaluation.bootstrap import check_draws, interval, resample_counts, weighted_sums
-from legoworld.evaluation.checks import Check, find_input
-from legoworld.evaluation.evidence import agreement
-from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, RecordedEvaluation
+from legoworld.evaluation.checks import Check
+from legoworld.evaluation.evidence import agreement, check_summary
+from legoworld.evaluation.family import (
+    EvaluationFamily,
+    EvaluationRequest,
+    RecordedEvaluation,
+    prepare_inputs,
+)
 from legoworld.evaluation.metrics import (
     MetricPart,
     MetricRow,
@@ -28,7 +32,6 @@ from legoworld.evaluation.metrics import (
     image_counts,
     number_cell,
 )
-from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.relations.rows import scored_images
 from legoworld.evaluation.relations.truth import read_truth
 from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
@@ -37,7 +40,6 @@ from legoworld.records.base import UNSET, as_json, number
 from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
-from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.relations import (
     Metric,
@@ -161,14 +163,7 @@ def _evaluate(request: EvaluationRequest) -> RelationsSummary:
         for row in read_rows(run)
         if row.answer is not UNSET
     ]
-    inputs = prepared_inputs(
-        request.output,
-        files,
-        configuration,
-        run=run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
-    )
+    inputs = prepare_inputs(request, run.folder, files, configuration)
     rows: list[RelationsRow] = []
     views: dict[str, Any] = {"run.json": run_view(run)}
     for image in scored_images(run, truth):
@@ -203,24 +198,14 @@ def _verify(recorded: RecordedEvaluation) -> Iterator[Check]:
         draws=settings.draws,
         seed=settings.seed,
     )
-    made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())
-    for key in sorted({*made, *written}):
-        yield agreement(f"{key} from the rows", made.get(key), written.get(key))
+    yield from check_summary(recorded, again)
     evidence = cast("RelationsEvidence", recorded.evidence)
-    yield agreement("metrics in the evidence", as_json(evidence.metrics), made["metrics"])
+    yield agreement("metrics in the evidence", as_json(evidence.metrics), as_json(again.metrics))
     if recorded.inputs_hold:
-        found = {
-            entry.role: find_input(recorded.folder, entry.path, recorded.root)
-            for entry in reversed(recorded.evidence.inputs)
-        }
-        run, truth = found["run"], found["truth"]
-        assert run is not None
-        assert truth is not None
-        source = truth.parent if "truth_facts" in found else truth
-        rows = [
-            image.row
-            for image in scored_images(_read_run(run.parent), read_truth(source, summary.task))
-        ]
+        run, truth = _read_run(recorded.input("run").parent), recorded.input("truth")
+        of_scenes = any(entry.role == "truth_facts" for entry in recorded.evidence.inputs)
+        source = read_truth(truth.parent if of_scenes else truth, summary.task)
+        rows = [image.row for image in scored_images(run, source)]
         yield agreement("rows from the answers", as_json(rows), as_json(list(recorded.rows)))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import (
     Submission,
+    evaluate_bench,
     small_raster,
     write_dataset,
     write_run,
@@ -21,7 +22,6 @@ from legoworld.evaluation.reconstruction.aligned import (
     median_scaled,
     trimmed_icp,
 )
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.fscore import (
     chamfer_over_diagonal,
     on_one_raster,
