@@ -80,6 +80,9 @@ def check_comparable(sides: Sequence[StoredEvaluation], *, allow_truth_prompts: 
         if first.task != other.task:
             raise _different(first, other, [f"task {first.task} and {other.task}"])
         differences = [*_differences(first, other), *family.differences(first, other)]
+        ours, theirs = (family.facts(side).dataset_version for side in (first, other))
+        if ours != theirs:
+            differences.append(f"dataset version {ours} and {theirs}")
         if differences:
             raise _different(first, other, differences)
 

@@ -66,7 +66,7 @@ def box_samples(
             within = (least >= low[k]).all(axis=1) & (most <= high[k]).all(axis=1)
             pieces[k].append(triangles[within])
             if (meets & ~within).any():
-                pieces[k].append(_clipped(triangles[meets & ~within], low[k], high[k]))
+                pieces[k].append(_clip(triangles[meets & ~within], low[k], high[k]))
     return [
         _spread(np.concatenate(parts) if parts else np.zeros((0, 3, 3)), box.spacing_m)
         for parts, box in zip(pieces, boxes, strict=True)
@@ -103,7 +103,7 @@ def _moved_limits(placed: F64, low: F64, high: F64) -> tuple[F64, F64]:
     return moved.min(axis=0), moved.max(axis=0)
 
 
-def _clipped(triangles: F64, low: F64, high: F64) -> F64:
+def _clip(triangles: F64, low: F64, high: F64) -> F64:
     """The parts of (N, 3, 3) triangles in a box, as triangles (Sutherland and Hodgman 1974)."""
     polygons, sizes = triangles, np.full(len(triangles), 3)
     for axis in range(3):

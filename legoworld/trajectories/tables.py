@@ -23,7 +23,7 @@ SHARES: Final = tuple(n / 20 for n in range(21))
 Value = Callable[[TrajectoryScore], float | None]
 
 
-def _of_cause(cause: str) -> Value:
+def _cause_regret(cause: str) -> Value:
     return lambda trial: trial.regret_split[cause]
 
 
@@ -40,7 +40,7 @@ MEASURES: Final[dict[str, Value]] = {
     "first_calls_share": lambda t: t.first.calls_share if t.first else None,
     "first_tokens_share": lambda t: t.first.tokens_share if t.first else None,
     "picked_q": lambda t: t.picked_q,
-    **{f"regret_{cause}": _of_cause(cause) for cause in CAUSES},
+    **{f"regret_{cause}": _cause_regret(cause) for cause in CAUSES},
 }
 
 

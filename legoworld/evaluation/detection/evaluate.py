@@ -70,7 +70,7 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
     run, notice, draws = read_run(request.run), request.notice, request.draws
     protocol = detection_protocol(run.task)
     kind = request.options.get("evaluator") or default_evaluator(protocol, request.warn)
-    truth = read_truth(request.truth, run, protocol)
+    truth = read_truth(request.truth, protocol, run)
     configuration = DetectionConfiguration(
         task=run.task,
         evaluator=kind,

@@ -24,7 +24,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     hash_entries,
     prediction_type,
 )
-from legoworld.evaluation.detection.inputs.truth import Truth, read_whole_truth, select_images
+from legoworld.evaluation.detection.inputs.truth import Truth, read_truth, select_images
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -105,7 +105,7 @@ def _open(task: str, truth: LiveTruth) -> Truth:
             found=type(truth).__name__,
             expected="the dataset's own annotations, COCO or LVIS JSON",
         )
-    return read_whole_truth(Path(truth), detection_protocol(task))
+    return read_truth(Path(truth), detection_protocol(task))
 
 
 def _score(

@@ -50,6 +50,11 @@ def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
+def pointers(*names: str) -> list[tuple[str, type[ctypes.c_void_p]]]:
+    """Fields of a structure that point to arrays."""
+    return [(name, ctypes.c_void_p) for name in names]
+
+
 def check(done: int) -> None:
     """MemoryError when a call had none; its other answers are mistakes of the caller."""
     if done == _NO_MEMORY:

@@ -192,7 +192,7 @@ def summarise(
             intervals[name] = centred_interval(
                 samples, np.nan if value is None else value, unit="image"
             )
-    columns = family.of_category(sums)
+    columns = family.category_values(sums)
     card = load_card(run.task)
     unanswered = [row for row in rows if not row.has_score]
     return LabelMapSummary(

@@ -88,7 +88,7 @@ class MapFamily:
 
     metrics: their names, the first being the main one. find_truth: of a run. measure: an image,
     MapInvalidError for an answer that cannot be scored. values: the metrics of sums (..., K, 4): of
-    IoU and the three counts, with (K,) bool of things; NaN where undefined. of_category: the
+    IoU and the three counts, with (K,) bool of things; NaN where undefined. category_values: the
     numbers of each, (K,). columns: names of the three counts. note: how to read the numbers.
     """
 
@@ -98,7 +98,7 @@ class MapFamily:
     find_truth: Callable[[Path, Run, Card], MapTruth]
     measure: Callable[[MapItem], Measured]
     values: Callable[[F64, NDArray[np.bool_]], dict[str, F64]]
-    of_category: Callable[[F64], dict[str, F64]]
+    category_values: Callable[[F64], dict[str, F64]]
     columns: tuple[str, str, str]
     note: str
     headline: tuple[str, ...] = field(default=())

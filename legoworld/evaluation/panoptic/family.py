@@ -221,7 +221,7 @@ MAPS: Final = MapFamily(
     find_truth=find_segments,
     measure=measure_segments,
     values=panoptic_values,
-    of_category=category_values,
+    category_values=category_values,
     columns=("TP", "FP", "FN"),
     note="PQ = SQ x RQ of each category, averaged over the categories with truth or prediction: "
     "the IoU of matches, summed, divided by (TP + FP/2 + FN/2). A match has IoU above 0.5. An "

@@ -23,7 +23,7 @@ from legoworld.evaluation.reconstruction.dataset import (
 from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
 from legoworld.evaluation.reconstruction.joints import not_valid, score_articulation
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
-from legoworld.evaluation.reconstruction.points import Flags, finite_points
+from legoworld.evaluation.reconstruction.points import Flags, finite_points, hit_share
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.second_card import (
@@ -246,9 +246,9 @@ def _appearance(
         n_px=hits.size,
         n_hits=int(np.count_nonzero(hits)),
         curve=appearance.curve(agreement, task.protocol.delta),
-        where_geometry_agrees=_share(hits, agrees),
+        where_geometry_agrees=hit_share(hits, agrees),
         n_geometry_agrees_px=int(np.count_nonzero(agrees)),
-        where_geometry_differs=_share(hits, ~agrees),
+        where_geometry_differs=hit_share(hits, ~agrees),
         n_geometry_differs_px=int(np.count_nonzero(~agrees)),
         noise=NoiseBeside(
             reference_mean=float(np.mean(floor.a_self)) if floor and floor.a_self else None,
@@ -266,11 +266,6 @@ def _same_ray(reference: Reference, surface: Surface, points: PointMaps, relativ
         distance = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
         near: Flags = distance <= relative * reference.depth_z_m.astype(np.float64)
     return np.where(g & q, near, g == q)
-
-
-def _share(hits: Flags, where: Flags) -> float | None:
-    n = int(np.count_nonzero(where))
-    return int(np.count_nonzero(hits & where)) / n if n else None
 
 
 def _flags(

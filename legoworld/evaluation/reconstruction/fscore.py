@@ -17,9 +17,7 @@ from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.evaluation.reconstruction.nearest import GridSurface, hits_between, nearest_between
 from legoworld.evaluation.reconstruction.points import (
     F64,
-    Depth,
     Labels,
-    Raster,
     Tolerance,
     finite_points,
 )
@@ -45,23 +43,7 @@ class Correspondence:
     nearest_z_m: F64
 
 
-def on_one_raster(
-    reference_z_m: Depth,
-    submitted_z_m: Depth,
-    label: Labels,
-    raster: Raster,
-    *,
-    tolerances: Sequence[Tolerance] = (),
-) -> Correspondence:
-    """Of two depths on one raster. label: (H, W) object of each pixel, -1 for none."""
-    reference, submitted = (
-        GridSurface(depth_z_m=depth, label=label, raster=raster)
-        for depth in (reference_z_m, submitted_z_m)
-    )
-    return on_two_rasters(reference, submitted, tolerances=tolerances)
-
-
-def on_two_rasters(
+def match_surfaces(
     reference: GridSurface, submitted: GridSurface, *, tolerances: Sequence[Tolerance] = ()
 ) -> Correspondence:
     """Of two surfaces whose rasters are of one size."""
@@ -81,7 +63,7 @@ def on_two_rasters(
     )
 
 
-def of_clouds(
+def match_clouds(
     reference_m: F64, reference_label: Labels, submitted_m: F64, submitted_label: Labels
 ) -> Correspondence:
     """Of any two clouds, (N, 3) and (M, 3), with their labels, -1 for none: slower, as exact."""

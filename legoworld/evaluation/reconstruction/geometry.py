@@ -14,15 +14,15 @@ from legoworld.evaluation.reconstruction.fscore import (
     Correspondence,
     Score,
     chamfer_over_diagonal,
+    match_clouds,
+    match_surfaces,
     mean_f1,
-    of_clouds,
-    on_one_raster,
     precision_recall,
     scores,
     scores_on_rasters,
     voxel_ious,
 )
-from legoworld.evaluation.reconstruction.nearest import GridSurface
+from legoworld.evaluation.reconstruction.nearest import GridSurface, share_raster
 from legoworld.evaluation.reconstruction.points import (
     F64,
     Depth,
@@ -138,7 +138,7 @@ def _other_sampling(
     cloud = load_cloud(folders, case, sampling, protocol.depth_limit_m, protocol.point_cap)
     q = finite_points(surface.depth_z_m)
     submitted = points_m(surface.depth_z_m, reference.raster)[q]
-    return of_clouds(cloud.points_m, cloud.label, submitted, cloud.submitted_label[q])
+    return match_clouds(cloud.points_m, cloud.label, submitted, cloud.submitted_label[q])
 
 
 def _diagnostics(
@@ -155,7 +155,7 @@ def _diagnostics(
     ours, theirs = points.reference_m[g], points.submitted_m[q]
     union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
     everything = np.zeros_like(union)
-    visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
+    visible = match_surfaces(*share_raster(reference.depth_z_m, depth, everything, raster))
     of_objects = scores_on_rasters(
         _grid(reference, label=union), _grid(reference, depth, union), 1, (protocol.headline,)
     )[0]

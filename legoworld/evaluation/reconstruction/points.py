@@ -90,3 +90,9 @@ class Tolerance:
     def tau_m(self, z_m: F64) -> F64:
         """The tolerance at reference points of these depths, in their shape."""
         return self.relative * z_m + self.absolute_m
+
+
+def hit_share(hits: Flags, where: Flags) -> float | None:
+    """Share of the pixels of `where` that hit; None without any."""
+    n = int(np.count_nonzero(where))
+    return int(np.count_nonzero(hits & where)) / n if n else None

@@ -148,7 +148,7 @@ def _not_scored(row: ReconstructionRow) -> NotScored:
 
 def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> list[CaseFlag]:
     """Each case's own, then views of a family and tier whose A falls from the first one's."""
-    flags = [_of_case(row, flag) for row in rows for flag in row.flags]
+    flags = [_case_flag(row, flag) for row in rows for flag in row.flags]
     first: dict[tuple[str, str | None], ReconstructionRow] = {}
     for row in sorted(rows, key=lambda row: row.view):
         if not row.valid or row.A is None:
@@ -156,9 +156,9 @@ def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> lis
         before = first.setdefault((row.family, row.tier), row)
         if before is not row and before.A is not None:
             drop = view_drop(before.A, row.A, thresholds)
-            flags += [_of_case(row, drop)] if drop else []
+            flags += [_case_flag(row, drop)] if drop else []
     return sorted(flags, key=lambda flag: (flag.image_id, flag.kind, flag.what))
 
 
-def _of_case(row: ReconstructionRow, flag: Flag) -> CaseFlag:
+def _case_flag(row: ReconstructionRow, flag: Flag) -> CaseFlag:
     return CaseFlag(image_id=row.image_id, file_name=row.file_name, **as_json(flag))

@@ -67,7 +67,7 @@ POLICIES: Final = ("answers", "chance", "blind")
 _NOTHING: Final = Sums(n=0, score=0.0, chance=0.0, blind=0.0)
 
 
-def sums_of(name: str, rows: Sequence[RelationsRow]) -> list[Sums]:
+def metric_sums(name: str, rows: Sequence[RelationsRow]) -> list[Sums]:
     """A metric's sums of each row; of a relation, those of its accuracy."""
     known = "accuracy" if name == "chance_adjusted" else name
     return [row.sums.get(known) or row.by_relation.get(known, _NOTHING) for row in rows]
@@ -99,7 +99,7 @@ def metrics(
     counts = resample_counts(len(rows), draws, seed) if len(rows) > 1 else None
     found = {}
     for name in names:
-        of_rows = sums_of(name, rows)
+        of_rows = metric_sums(name, rows)
         answers, chance, blind = map(number, values(name, of_rows).tolist())
         guessed, n = METRICS.get(name, True), sum(s.n for s in of_rows)
         if not n:

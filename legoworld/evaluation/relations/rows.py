@@ -126,10 +126,10 @@ def scored_images(run: Run, truth: Truth) -> Iterator[ScoredImage]:
     for row in read_rows(run):
         scene = scene_name(row.file_name)
         answers = read_answer_file(run, row) if row.status == "ok" else None
-        yield _scored(row, scene, truth.images.get(scene), answers, prior)
+        yield _score_image(row, scene, truth.images.get(scene), answers, prior)
 
 
-def _scored(
+def _score_image(
     row: RunRow, scene: str, image: TrueImage | None, file: AnswerFile | None, prior: Prior
 ) -> ScoredImage:
     asked = image.answers if image is not None else ()

@@ -101,7 +101,7 @@ MAPS: Final = MapFamily(
     find_truth=find_classes,
     measure=measure_classes,
     values=semantic_values,
-    of_category=category_values,
+    category_values=category_values,
     columns=("hit px", "true px", "answered px"),
     note="One confusion matrix over all pixels with a true class. mIoU: IoU of each class, "
     "averaged over those with truth or answer; fwIoU: weighted by true pixels; mAcc: share of a "

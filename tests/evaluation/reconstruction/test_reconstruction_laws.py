@@ -11,11 +11,12 @@ from evaluation.reconstruction.datasets import scene
 
 from legoworld.evaluation.reconstruction.fscore import (
     Score,
+    match_clouds,
+    match_surfaces,
     mean_f1,
-    of_clouds,
-    on_one_raster,
     scores,
 )
+from legoworld.evaluation.reconstruction.nearest import share_raster
 from legoworld.evaluation.reconstruction.points import (
     Raster,
     Tolerance,
@@ -39,7 +40,9 @@ def case(request):
 
 
 def found(reference, submitted, label, tolerance=FIVE, raster=RASTER):
-    pairs = on_one_raster(np.float32(reference), np.float32(submitted), label, raster)
+    pairs = match_surfaces(
+        *share_raster(np.float32(reference), np.float32(submitted), label, raster)
+    )
     return scores(pairs, int(label.max()) + 1, tolerance)
 
 
@@ -196,7 +199,7 @@ def test_two_clouds_without_a_raster_are_scored_alike(case):
     depth, label = case
     submitted = np.float32(depth * 1.04)
     g, q = (points_m(d, RASTER)[finite_points(d)] for d in (depth, submitted))
-    pairs = of_clouds(g, label[finite_points(depth)], q, label[finite_points(submitted)])
+    pairs = match_clouds(g, label[finite_points(depth)], q, label[finite_points(submitted)])
     n = int(label.max()) + 1
     assert scores(pairs, n, FIVE) == found(depth, submitted, label)
 

@@ -20,7 +20,7 @@ from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.matched_metrics import Pairs
 from legoworld.evaluation.detection.payloads.payload import Overlaps, Payload
 from legoworld.evaluation.detection.problem import Detections, Ints, Problem, TrueInstances
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import check, library, pointer, pointers
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool, map_items
 
 #: Detections of a chunk, about: 25 ms of work on boxes, 80 on masks, and at most 3 MB to send.
@@ -99,8 +99,8 @@ class Chunks(Sequence[Chunk]):
             first_detection=self._first_detection[first : end + 1] - mine.start,
             first_truth=self._first_truth[first : end + 1] - true.start,
             sizes_hw=tuple((i["height"], i["width"]) for i in self._truth.images[first:end]),
-            shapes=payload.packed([shape[k] for k in detections.entry.tolist()]),
-            true_shapes=payload.packed([a[payload.field] for a in annotations]),
+            shapes=payload.pack_shapes([shape[k] for k in detections.entry.tolist()]),
+            true_shapes=payload.pack_shapes([a[payload.field] for a in annotations]),
         )
 
 
@@ -128,18 +128,19 @@ class _ChunkStruct(ctypes.Structure):
     """LwChunk of matching.cpp."""
 
     _fields_: ClassVar = [
-        ("first_detection", ctypes.c_void_p),
-        ("first_truth", ctypes.c_void_p),
+        *pointers("first_detection", "first_truth"),
         ("images", ctypes.c_int64),
-        ("iou", ctypes.c_void_p),
-        ("category", ctypes.c_void_p),
-        ("area", ctypes.c_void_p),
-        ("verified", ctypes.c_void_p),
-        ("exhaustive", ctypes.c_void_p),
-        ("true_category", ctypes.c_void_p),
-        ("true_area", ctypes.c_void_p),
-        ("ignored", ctypes.c_void_p),
-        ("crowd", ctypes.c_void_p),
+        *pointers(
+            "iou",
+            "category",
+            "area",
+            "verified",
+            "exhaustive",
+            "true_category",
+            "true_area",
+            "ignored",
+            "crowd",
+        ),
     ]
 
 
@@ -147,10 +148,9 @@ class _RulesStruct(ctypes.Structure):
     """LwRules of matching.cpp."""
 
     _fields_: ClassVar = [
-        ("thresholds", ctypes.c_void_p),
+        *pointers("thresholds"),
         ("n_thresholds", ctypes.c_int32),
-        ("low", ctypes.c_void_p),
-        ("high", ctypes.c_void_p),
+        *pointers("low", "high"),
         ("n_areas", ctypes.c_int32),
     ]
 

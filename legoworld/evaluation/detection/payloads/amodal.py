@@ -149,7 +149,7 @@ def _counts(prediction: AmodalPrediction, mask: Rle) -> str:
 
 
 def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
-    columns, n_empty = MASKS.checked(given, checking)
+    columns, n_empty = MASKS.check_columns(given, checking)
     if columns.visible is None:
         checking.warnings[_NOT_ALL] = len(columns)
         return columns, n_empty
@@ -175,8 +175,8 @@ AMODAL: Final = replace(
     MASKS,
     name="amodal",
     record=AmodalPrediction,
-    given=_make_columns,
-    checked=_check_columns,
+    read_columns=_make_columns,
+    check_columns=_check_columns,
     check_shapes=check_amodal,
     outline=_outline,
     document=coco_document,

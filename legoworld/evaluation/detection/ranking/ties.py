@@ -29,7 +29,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
-from legoworld.evaluation.kernels.library import category_threads, check, library, pointer
+from legoworld.evaluation.kernels.library import category_threads, check, library, pointer, pointers
 from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Ties
 
@@ -47,10 +47,7 @@ class _RandomStruct(ctypes.Structure):
     """LwRandom of orders.cpp."""
 
     _fields_: ClassVar = [
-        ("bits", ctypes.c_void_p),
-        ("floats", ctypes.c_void_p),
-        ("exponentials", ctypes.c_void_p),
-        ("multinomial", ctypes.c_void_p),
+        *pointers("bits", "floats", "exponentials", "multinomial"),
     ]
 
 
@@ -58,9 +55,7 @@ class _RunsStruct(ctypes.Structure):
     """LwRuns of orders.cpp."""
 
     _fields_: ClassVar = [
-        ("start", ctypes.c_void_p),
-        ("plain_in", ctypes.c_void_p),
-        ("plain_before", ctypes.c_void_p),
+        *pointers("start", "plain_in", "plain_before"),
         ("runs", ctypes.c_int64),
     ]
 
