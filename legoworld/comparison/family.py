@@ -63,7 +63,7 @@ class ComparisonFamily:
 def measure_over_images(
     measure: Callable[[StoredEvaluation, NDArray[np.bool_], Draws], Measures],
 ) -> Callable[[StoredEvaluation, Images, NDArray[np.bool_], ComparisonSettings], Measurer]:
-    """A family's measurer whose bootstrap draws the kept images, whichever these are."""
+    """A family's measurer whose bootstrap draws the kept (images,), whichever these are."""
 
     def measurer(
         _scene: StoredEvaluation,

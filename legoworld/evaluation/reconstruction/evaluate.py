@@ -56,7 +56,15 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
     ids = [row.image_id for row in bench_run.rows]
     track_sha256 = bench_run.run.configuration.track_sha256 or None
     check_run(dataset, run.name, track_sha256, ids, second.sha256 if second else None)
-    configuration = _configuration(protocol, choices, draws, seed)
+    configuration = BenchConfiguration(
+        task=protocol.card.task,
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        reference_sampling=choices.sampling,
+        diagnostics=choices.diagnostics,
+        draws=draws,
+        seed=seed,
+    )
     files = [*_inputs(bench_run, dataset, choices), *_second_inputs(bench_run, dataset, second)]
     inputs = prepare_inputs(request, run, files, configuration)
     rows: list[ReconstructionRow] = []
@@ -69,7 +77,12 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
         kind=bench_run.kind,
         partial=bench_run.run.partial,
         protocol=protocol,
-        settings=summary_settings(bench_run, dataset, choices, draws, seed),
+        settings=Settings(
+            choices=choices,
+            sampled=all(dataset.cases[i].truth.sha256.raster is not None for i in ids),
+            draws=draws,
+            seed=seed,
+        ),
     )
     metrics = {name: mean.value for name, mean in summary.metrics.items()}
     evidence = make_evidence(BenchEvidence, summary, configuration, "pillow", metrics=metrics)
@@ -111,33 +124,6 @@ def case_tasks(
         )
         for row in run.rows
     ]
-
-
-def summary_settings(
-    run: BenchRun, dataset: BenchDataset, choices: Choices, draws: int, seed: int
-) -> Settings:
-    """What the summary says of how it was made."""
-    cases = [dataset.cases[row.image_id] for row in run.rows]
-    return Settings(
-        choices=choices,
-        sampled=all(case.truth.sha256.raster is not None for case in cases),
-        draws=draws,
-        seed=seed,
-    )
-
-
-def _configuration(
-    protocol: BenchProtocol, choices: Choices, draws: int, seed: int
-) -> BenchConfiguration:
-    return BenchConfiguration(
-        task=protocol.card.task,
-        card_version=protocol.card.version,
-        card_sha256=protocol.card.sha256,
-        reference_sampling=choices.sampling,
-        diagnostics=choices.diagnostics,
-        draws=draws,
-        seed=seed,
-    )
 
 
 def _second_inputs(

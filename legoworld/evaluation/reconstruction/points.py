@@ -93,6 +93,6 @@ class Tolerance:
 
 
 def hit_share(hits: Flags, where: Flags) -> float | None:
-    """Share of the pixels of `where` that hit; None without any."""
+    """Share of the (H, W) pixels of `where` that hit; None without any."""
     n = int(np.count_nonzero(where))
     return int(np.count_nonzero(hits & where)) / n if n else None
