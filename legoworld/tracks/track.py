@@ -11,7 +11,15 @@ from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode, find_repeated
 from legoworld.records.folders.read_run import describe_other_folder
-from legoworld.records.track import PRIVATE_KEYS, CategoryInfo, ImageInfo, Part, Probe, Question, TrackFile
+from legoworld.records.track import (
+    PRIVATE_KEYS,
+    CategoryInfo,
+    ImageInfo,
+    Part,
+    Probe,
+    Question,
+    TrackFile,
+)
 from legoworld.remote import Place, folders_holding
 from legoworld.tracks.vocabulary import Vocabulary, find_dataset, make_vocabulary
 
