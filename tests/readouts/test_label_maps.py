@@ -16,7 +16,16 @@ from legoworld.errors import UsageError
 from legoworld.evaluation.label_maps.png import read_ids, read_values
 from legoworld.readouts import panoptic, semantic
 from legoworld.readouts.family import AnsweredImage, protocol
-from legoworld.readouts.label_maps import NO_CLASS, VOID, category_color, category_map, category_picture, picture_categories, segment_map, segment_picture
+from legoworld.readouts.label_maps import (
+    NO_CLASS,
+    VOID,
+    category_color,
+    category_map,
+    category_picture,
+    picture_categories,
+    segment_map,
+    segment_picture,
+)
 from legoworld.records.run_rows import RunRow
 from legoworld.scene.instances import Instance
 
