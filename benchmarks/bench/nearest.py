@@ -29,10 +29,9 @@ from pathlib import Path
 
 import numpy as np
 
-from legoworld.evaluation.reconstruction.nearest import Nearest, nearest_both_ways
-from legoworld.evaluation.reconstruction.points import Raster, picture_raster, points_m
+from legoworld.evaluation.reconstruction.nearest import Nearest, nearest_between, share_raster
+from legoworld.evaluation.reconstruction.points import Raster, Tolerance, picture_raster, points_m
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from evaluation.reconstruction.brute_force import nearest as brute_force
@@ -138,13 +137,13 @@ def check(raster: Raster, a: np.ndarray, b: np.ndarray, count: int) -> None:
     places = np.random.default_rng(0).choice(a.size, count, replace=False)
     some.ravel()[places] = a.ravel()[places]
     squared, index = brute_force(some, b, label, raster)
-    found, _ = nearest_both_ways(a, b, label, raster)
+    found, _ = nearest_between(*share_raster(a, b, label, raster))
     kept = np.isfinite(some)
     same = (found.squared_m2 == squared) & (found.index == index)
     if not same[kept].all():
         sys.exit(f"wrong at {np.argwhere(kept & ~same)[:5].tolist()}")
-    whole = nearest_both_ways(a, b, label, raster)
-    decided = nearest_both_ways(a, b, label, raster, tolerances=TOLERANCES)
+    whole = nearest_between(*share_raster(a, b, label, raster))
+    decided = nearest_between(*share_raster(a, b, label, raster), tolerances=TOLERANCES)
     for side in (0, 1):
         for one in TOLERANCES:
             if not np.array_equal(*(hits(n[side], a, side, one) for n in (whole, decided))):
@@ -181,10 +180,10 @@ def main() -> None:
         times |= {other: [] for other in others}
         for _ in range(options.rounds):
             start = time.process_time()
-            nearest_both_ways(a, b, label, raster, tolerances=TOLERANCES)
+            nearest_between(*share_raster(a, b, label, raster), tolerances=TOLERANCES)
             times["five tolerances"].append(time.process_time() - start)
             start = time.process_time()
-            ours = nearest_both_ways(a, b, label, raster)
+            ours = nearest_between(*share_raster(a, b, label, raster))
             times["legoworld"].append(time.process_time() - start)
             for other, run in others.items():
                 start = time.process_time()

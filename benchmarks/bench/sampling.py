@@ -23,10 +23,9 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchDataset, read_dataset
 from legoworld.evaluation.reconstruction.geometry import geometry_score
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import load_reference
 from legoworld.evaluation.reconstruction.submission import load_surface, read_bench_run
 from legoworld.records.submission import BenchRow

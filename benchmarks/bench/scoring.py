@@ -25,13 +25,13 @@ from pathlib import Path
 
 import numpy as np
 
+from legoworld.evaluation.family import EvaluationRequest
 from legoworld.evaluation.reconstruction import appearance
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchFolders, read_dataset
 from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
 from legoworld.evaluation.reconstruction.points import points_m
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import load_reference
 from legoworld.evaluation.reconstruction.submission import (
     load_render,
@@ -158,10 +158,17 @@ def main() -> None:
         ):
             start, spent = time.perf_counter(), cpu_seconds()
             evaluate_bench(
-                run, dataset.private, root / "evaluation", pool=pool, overwrite=True,
-                choices=Choices(diagnostics=diagnostics),
-                progress=lambda _: peaks.append(workers_peak_mib()),
-            )  # fmt: skip
+                EvaluationRequest(
+                    run=run,
+                    truth=dataset.private,
+                    output=root / "evaluation",
+                    draws=10_000,
+                    options={"diagnostics": diagnostics},
+                    overwrite=True,
+                    progress=lambda _: peaks.append(workers_peak_mib()),
+                    pool=pool,
+                )
+            )
             print(f"the run {name} diagnostics, {options.workers} workers: "
                   f"{time.perf_counter() - start:.1f} s, CPU of all processes "
                   f"{cpu_seconds() - spent:.1f} s")  # fmt: skip

@@ -11,7 +11,7 @@ import argparse
 import time
 from pathlib import Path
 
-from legoworld.bench.noise import noise_floor
+from legoworld.bench.case import noise_floor
 from legoworld.cards import load_card
 from legoworld.running.submission import card_size
 from legoworld.scene.blender_process import BlenderProcess, Limits

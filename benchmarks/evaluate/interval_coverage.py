@@ -45,7 +45,7 @@ def population_table(*, equal: bool) -> MatchTable:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "truth.json"
         path.write_text(json.dumps(document))
-        truth = read_truth(path, run, protocol)
+        truth = read_truth(path, protocol, run)
     batches = [as_predictions(results, prediction_type(protocol))]
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)
     if equal:

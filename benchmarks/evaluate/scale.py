@@ -94,7 +94,7 @@ def main() -> None:
         results_path.write_text("[\n" + ",\n".join(lines) + "\n]\n")
         del results
         with timed("truth read and checked"):
-            truth = read_truth(path, run, protocol)
+            truth = read_truth(path, protocol, run)
         del document
         with timed("predictions read, checked and ordered"):
             batches = stored_batches([results_path], prediction_type(protocol))

@@ -13,7 +13,7 @@ import numpy as np
 from matrix import FAULTS
 from PIL import Image, ImageDraw, ImageFont
 
-from legoworld.readouts.map_pictures import segment_picture
+from legoworld.readouts.label_maps import segment_picture
 
 COLUMNS, WIDTH, HEIGHT, CAPTION = 4, 240, 135, 18
 

@@ -18,10 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchDataset
 from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.plugin.entities import Entities

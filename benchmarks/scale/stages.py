@@ -49,7 +49,7 @@ def blender_stages(blend: Path, output: Path) -> dict[str, float]:
 def main_stages(snapshot_path: Path, task: str) -> dict[str, float]:
     """Everything after Blender, as a run does it."""
     from legoworld.readouts.depth import write_depth
-    from legoworld.readouts.protocol import protocol
+    from legoworld.readouts.family import protocol
     from legoworld.scene.instances import group
     from legoworld.scene.labels import Labels, resolve_labels
     from legoworld.scene.snapshot import load

@@ -28,8 +28,7 @@ from legoworld.records.agents import (
     Usage,
 )
 from legoworld.records.base import as_json
-from legoworld.trajectories.join_parts import join_trajectories
-from legoworld.trajectories.transcripts import read_transcript, total_usage
+from legoworld.trajectories.transcripts import join_trajectories, read_transcript, total_usage
 
 #: Transcripts that count each request as it ends; the others count at their end alone.
 _COUNTING: Final[tuple[TranscriptFormat, ...]] = ("claude", "opencode", "atif")

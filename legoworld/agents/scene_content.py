@@ -7,7 +7,7 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.pluralize import first_few, plural, share
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.records.agents import SceneContent
 from legoworld.running.inspection import label, open_scene
 from legoworld.scene.blender_process import BlenderProcess

@@ -39,8 +39,7 @@ from legoworld.track_making.make_track import find_photo
 from legoworld.tracks.track import TrackImage
 from legoworld.trajectories.call_steps import add_calls
 from legoworld.trajectories.folder import TRIAL
-from legoworld.trajectories.join_parts import join_trajectories
-from legoworld.trajectories.transcripts import read_transcript
+from legoworld.trajectories.transcripts import join_trajectories, read_transcript
 
 _KEPT_OUTPUT: Final = 4096
 

@@ -11,9 +11,8 @@ from typing import Any, Final
 
 from legoworld.errors import UsageError
 from legoworld.files import Json, readable_json, sha256_of_file, write_text
-from legoworld.readouts.instructions import instructions
-from legoworld.readouts.instructions_text import instructions_text
-from legoworld.readouts.protocol import Protocol, protocol
+from legoworld.readouts.family import Protocol, protocol
+from legoworld.readouts.instructions import instructions, instructions_text
 from legoworld.records.base import decode
 from legoworld.records.plugin_install import Module
 from legoworld.records.track import PRIVATE_KEYS

@@ -26,8 +26,8 @@ from legoworld.baselines.labels import label_map as read_label_map
 from legoworld.baselines.request import BaselineRequest, ModelOptions, choose_model
 from legoworld.baselines.truth_prompts import read_truth_prompts
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.integer_units import UNITS, is_unit
-from legoworld.readouts.protocol import Protocol, protocol
+from legoworld.evaluation.depth.labelled import UNITS, is_unit
+from legoworld.readouts.family import Protocol, protocol
 from legoworld.running.readout_run import RunResult, selected_images
 from legoworld.tracks.track import Track, load_track
 

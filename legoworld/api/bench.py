@@ -11,11 +11,11 @@ from typing import Any, BinaryIO
 from legoworld.api import settings
 from legoworld.api.arguments import check_arguments
 from legoworld.api.listener import SILENT, Listener
+from legoworld.bench.admission import HttpOptions, require_http
 from legoworld.bench.archive import UnpackLimits
 from legoworld.bench.dataset import MadeDataset, MakeRequest, make_dataset
 from legoworld.bench.family import MakeOptions
 from legoworld.bench.harbor import HarborOptions, export_harbor
-from legoworld.bench.http_options import HttpOptions, require_http
 from legoworld.bench.procedural import DrawRequest, draw_scenes
 from legoworld.bench.score_worker import ServeOptions
 from legoworld.bench.server import ScoreServer

@@ -21,8 +21,7 @@ from legoworld.api.folders import parse_place, read_from, written_whole
 from legoworld.api.listener import SILENT, Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
-from legoworld.evaluation.prepare_inputs import Origins
+from legoworld.evaluation.family import EvaluationRequest, Origins, load_evaluation_family
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import Coverage, Summary

@@ -18,8 +18,7 @@ from legoworld.readouts.pixels import PixelFile
 from legoworld.records.base import canonical
 from legoworld.records.track import ImageInfo
 from legoworld.track_making.make_track import write_track
-from legoworld.tracks.source import Source
-from legoworld.tracks.track import TrackImage, load_track
+from legoworld.tracks.track import Source, TrackImage, load_track
 from legoworld.workers.scratch import ScratchFolder, scratch_folder
 
 #: Names in the folder of an evaluation of answers in memory.

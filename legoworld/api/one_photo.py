@@ -9,8 +9,8 @@ from typing import Final
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
+from legoworld.readouts.family import Protocol, protocol
 from legoworld.readouts.pictures import read_photo
-from legoworld.readouts.protocol import Protocol, protocol
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.report_page import Advice
 from legoworld.records.run_rows import RunRow

@@ -30,7 +30,7 @@ from legoworld.api.settings import (
 from legoworld.api.views import Views
 from legoworld.errors import LegoWorldError, Raised, UsageError
 from legoworld.evaluation.family import Scores
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.running.error_boundary import classify_error
 from legoworld.running.inspection import open_scene
 from legoworld.running.scene_views import SceneViews

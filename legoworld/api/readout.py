@@ -24,7 +24,7 @@ from legoworld.api.settings import (
 )
 from legoworld.errors import CatalogError, UsageError
 from legoworld.pluralize import first_few, plural
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import as_json
 from legoworld.records.folders.read_run import CONFIGURATION, RUN
 from legoworld.records.run_file import RunSummary

@@ -23,9 +23,8 @@ from legoworld.errors import UsageError
 from legoworld.readouts import pictures
 from legoworld.readouts.amodal import AMODAL
 from legoworld.readouts.boxes3d import BOXES_3D, Box3d, Kind, box_lines_px, fit_boxes
-from legoworld.readouts.family import AnsweredImage
+from legoworld.readouts.family import AnsweredImage, Protocol, load_readout_family
 from legoworld.readouts.label_maps import category_map, segment_map
-from legoworld.readouts.protocol import Protocol, load_readout_family
 from legoworld.records.base import as_json, canonical
 from legoworld.records.predictions import Rle
 from legoworld.records.scene_folder import InstanceRow

@@ -28,7 +28,7 @@ from legoworld.api.settings import (
 )
 from legoworld.api.views import Views
 from legoworld.errors import UsageError
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.running.inspection import LabelledScene, OpenScene, label, look
 from legoworld.running.inspection import open_scene as read_folder
 from legoworld.running.scene_views import SceneViews

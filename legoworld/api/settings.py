@@ -10,7 +10,7 @@ from typing import Final
 from legoworld.api.arguments import check_argument
 from legoworld.api.by_task import entry_of_task
 from legoworld.errors import UsageError
-from legoworld.readouts.protocol import Protocol, protocol
+from legoworld.readouts.family import Protocol, protocol
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.cache import SnapshotCache, default_cache_folder
 from legoworld.tracks.track import Track, load_track, serves

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Final
 
 from legoworld.api.scene_view import SceneView
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.running.inspection import LabelledScene, look_through
 from legoworld.visibility.distorted import LensMap, lens_map
 from legoworld.visibility.posed_camera import Camera

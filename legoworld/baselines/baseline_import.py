@@ -16,7 +16,7 @@ from legoworld.baselines.request import baseline_configuration
 from legoworld.errors import LegoWorldError, UsageError, one_line
 from legoworld.files import EncodingError, canonical_json, sha256_of_file, sha256_of_text, utf8_text
 from legoworld.pluralize import in_another_folder
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.run_journal import append, journal
 from legoworld.records.run_file import BaselineAbout, ImageRecord, Imported

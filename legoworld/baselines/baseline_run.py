@@ -15,7 +15,7 @@ from legoworld.baselines.request import BaselineRequest, build_configuration
 from legoworld.errors import UsageError
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share, word_for
-from legoworld.readouts.protocol import load_readout_family
+from legoworld.readouts.family import load_readout_family
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.read_run import recorded_configuration
 from legoworld.records.folders.run_journal import JournalledImage, append, journal

@@ -14,13 +14,14 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.depth.arrays import (
+    DECLARATION,
+    Declaration,
     DepthArray,
     DepthPredictionError,
     Intrinsics,
     checked_array,
     ray_lengths,
 )
-from legoworld.evaluation.depth.declaration import DECLARATION, Declaration
 from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.evaluation.pixels.resampling import size_check

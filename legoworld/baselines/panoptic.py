@@ -15,7 +15,7 @@ from legoworld.baselines.records import AnswerInvalidError, AnswerRules, ResultM
 from legoworld.errors import CatalogError, UsageError, cause
 from legoworld.evaluation.label_maps.family import MapInvalidError
 from legoworld.evaluation.label_maps.png import check_size, read_ids
-from legoworld.evaluation.panoptic.quality import check_answer
+from legoworld.evaluation.panoptic.family import check_answer
 from legoworld.evaluation.panoptic.truth import check_listed
 from legoworld.files import names_a_file, sha256_of_file
 from legoworld.readouts.family import answer_file

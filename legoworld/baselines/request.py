@@ -18,7 +18,7 @@ from legoworld.baselines.records import AnswerRules
 from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.files import canonical_json, sha256_of_text
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.baseline_messages import (
     ChildRequest,

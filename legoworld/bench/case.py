@@ -1,8 +1,9 @@
-"""One case of a reference scene: what its camera sees, and what of it is scored."""
+"""One case of a reference scene: what its camera sees, what is scored, and the noise floor of A."""
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -11,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import SceneInvalidError
+from legoworld.evaluation.reconstruction.appearance import agreement, decode_picture, resize_picture
 from legoworld.readouts.joints import part_surfaces
 from legoworld.records.base import as_json, to_record
-from legoworld.records.bench_dataset import ReferenceJoint, SceneJoint, ScoredObject
+from legoworld.records.bench_dataset import NoiseFloor, ReferenceJoint, SceneJoint, ScoredObject
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.tracks.vocabulary import normal_name
@@ -164,3 +166,20 @@ def _scored_objects(
             next_step="label what is to be scored, or turn the camera to it",
         )
     return eligible
+
+
+def noise_floor(
+    seeds: tuple[int, ...], renders: Sequence[bytes], picture: bytes, delta: int
+) -> NoiseFloor:
+    """A of each render against the reference picture, and their standard deviation (ddof = 1).
+
+    renders: one PNG a seed; sd is 0 for a single seed, which says nothing of noise.
+    """
+    reference = decode_picture(picture)
+    shares = []
+    for png in renders:
+        render = decode_picture(png)
+        size_wh = (render.shape[1], render.shape[0])
+        shares.append(agreement(render, resize_picture(reference, size_wh)).share(delta))
+    sd = statistics.stdev(shares) if len(shares) > 1 else 0.0
+    return NoiseFloor(seeds=seeds, a_self=tuple(shares), sd=sd)

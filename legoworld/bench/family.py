@@ -11,9 +11,8 @@ from typing import Any, Final
 
 from msgspec.structs import replace as with_fields
 
-from legoworld.bench.case import CaseRefusedError, SeenCase, reference_joints, see_case
+from legoworld.bench.case import CaseRefusedError, SeenCase, noise_floor, reference_joints, see_case
 from legoworld.bench.halves import PUBLIC, Halves
-from legoworld.bench.noise import noise_floor
 from legoworld.bench.x_case import XCase, see_x
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError

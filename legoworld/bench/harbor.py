@@ -56,14 +56,10 @@ def export_harbor(dataset: BenchDataset, output: Path, options: HarborOptions) -
         )
     tasks = []
     for case in sorted(dataset.cases.values(), key=lambda one: one.file_name):
-        task = output / _task_name(case)
+        task = output / case.stem.replace("/", "-")
         _write_task(task, case, dataset, options)
         tasks.append(task)
     return tasks
-
-
-def _task_name(case: BenchCase) -> str:
-    return case.stem.replace("/", "-")
 
 
 def _write_task(task: Path, case: BenchCase, dataset: BenchDataset, options: HarborOptions) -> None:

@@ -21,8 +21,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from legoworld.bench.admission import Admission, Counts, Place
-from legoworld.bench.http_options import HttpOptions
+from legoworld.bench.admission import Admission, Counts, HttpOptions, Place
 from legoworld.bench.score_worker import REFUSED, Order, ServeOptions
 from legoworld.bench.server import ScoreServer
 from legoworld.files import canonical_json
@@ -71,14 +70,14 @@ class ScoreApp:
         """The application."""
         return Starlette(
             routes=[
-                Route("/score", self._guarded(self._score), methods=["POST"]),
-                Route("/rewards", self._guarded(self._rewards), methods=["POST"]),
-                Route("/metrics", self._guarded(self._metrics), methods=["GET"]),
+                Route("/score", self._guard(self._score), methods=["POST"]),
+                Route("/rewards", self._guard(self._rewards), methods=["POST"]),
+                Route("/metrics", self._guard(self._metrics), methods=["GET"]),
                 Route("/healthz", _healthz, methods=["GET"]),
             ]
         )
 
-    def _guarded(
+    def _guard(
         self, answer: Callable[[Request], Awaitable[Response]]
     ) -> Callable[[Request], Awaitable[Response]]:
         async def guarded(request: Request) -> Response:
@@ -121,7 +120,7 @@ class ScoreApp:
             raise
         answer = await self._scored(request, order, place, begin)
         status = _STATUS.get(answer.status, 200)
-        return _json(self._shown(answer), status, retry_s=1 if status == 503 else None)
+        return _json(self._public_answer(answer), status, retry_s=1 if status == 503 else None)
 
     async def _rewards(self, request: Request) -> Response:
         """OpenRLHF's form. A trainer's batch has a number for each query, or none at all."""
@@ -149,7 +148,7 @@ class ScoreApp:
             self._scored(request, order, place, begin)
             for order, place in zip(orders, places, strict=True)
         ]
-        answers = [self._shown(answer) for answer in await asyncio.gather(*scored)]
+        answers = [self._public_answer(answer) for answer in await asyncio.gather(*scored)]
         for number, answer in enumerate(answers):
             if answer.reward is None:
                 raise RefusedRequestError(
@@ -248,9 +247,9 @@ class ScoreApp:
             self._notice(f"{answer.status}: image {answer.image_id}: {answer.reason}")
         return answer
 
-    def _shown(self, answer: ServeAnswer) -> ScalarAnswer:
+    def _public_answer(self, answer: ServeAnswer) -> ScalarAnswer:
         step = self.http.step
-        r, a, s = (_rounded(value, step) for value in (answer.R, answer.A, answer.S))
+        r, a, s = (_round(value, step) for value in (answer.R, answer.A, answer.S))
         reason = answer.reason
         if answer.status == EVALUATOR_ERROR:  # it may name what is private
             reason = "the evaluator failed; the server's log says why"
@@ -265,7 +264,7 @@ class ScoreApp:
             S=s,
             reward=r if s is None else s,
             step=step,
-            x=_shown_x(answer.x, step, per_object=self.http.per_object),
+            x=_public_numbers(answer.x, step, per_object=self.http.per_object),
         )
         if not self.http.per_object:
             return scalar
@@ -278,11 +277,13 @@ class ScoreApp:
         )
 
 
-def _shown_x(x: XScores | UnsetType, step: float, *, per_object: bool) -> XNumbers | UnsetType:
+def _public_numbers(
+    x: XScores | UnsetType, step: float, *, per_object: bool
+) -> XNumbers | UnsetType:
     """The second card's rounded numbers, with its objects and facts or alone."""
     if x is UNSET:
         return UNSET
-    numbers: dict[str, Any] = {n: _rounded(getattr(x, n), step) for n in XNumbers.__struct_fields__}
+    numbers: dict[str, Any] = {n: _round(getattr(x, n), step) for n in XNumbers.__struct_fields__}
     return replace(x, **numbers) if per_object else XNumbers(**numbers)
 
 
@@ -295,7 +296,7 @@ async def _until_gone(request: Request) -> None:
         pass
 
 
-def _rounded(value: float | None, step: float) -> float | None:
+def _round(value: float | None, step: float) -> float | None:
     """To the nearest multiple of the step; exact where that is 0."""
     return value if value is None or not step else float(f"{round(value / step) * step:.12g}")
 

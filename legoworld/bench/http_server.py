@@ -15,8 +15,8 @@ import uvicorn
 from starlette.applications import Starlette
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from legoworld.bench.admission import HttpOptions
 from legoworld.bench.http_app import ScoreApp
-from legoworld.bench.http_options import HttpOptions
 from legoworld.bench.score_worker import ServeOptions
 from legoworld.bench.server import ScoreServer
 from legoworld.endpoint.listener import PortTakenError

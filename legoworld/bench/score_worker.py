@@ -13,11 +13,10 @@ from msgspec.structs import replace
 from legoworld.bench.archive import ArchiveError, UnpackLimits, unpack
 from legoworld.errors import cause
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import BenchDataset
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.evaluation.reconstruction.second_card import SecondCard
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import UNSET, RecordError, as_json, decode, to_record
 from legoworld.records.bench_results import Parts, ServeAnswer, ServeRequest
 from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow

@@ -15,12 +15,10 @@ from legoworld.bench.case import CaseRefusedError, SeenCase, public_hfov_deg
 from legoworld.cards import Card
 from legoworld.evaluation.reconstruction.fscore import mean_f1, scores_on_rasters
 from legoworld.evaluation.reconstruction.nearest import GridSurface
-from legoworld.evaluation.reconstruction.points import picture_raster
+from legoworld.evaluation.reconstruction.points import Tolerance, picture_raster
 from legoworld.evaluation.reconstruction.reference import index_labels, kept_depth
 from legoworld.evaluation.reconstruction.second_card import within
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
-from legoworld.readouts.box_samples import Box, box_samples, mesh_triangles
-from legoworld.readouts.probing import VIEW, Look, looks
+from legoworld.readouts.probing import VIEW, Box, Look, box_samples, looks, mesh_triangles
 from legoworld.readouts.surface import visible_surface
 from legoworld.records.bench_dataset import ScoredObject
 from legoworld.records.second_card import CONTEXT, NEAR, OWN

@@ -13,7 +13,7 @@ from legoworld.commands.options import flag, option, refuse_given
 from legoworld.commands.param_types import COUNT, EXISTING_FILE, EXISTING_FOLDER
 
 if TYPE_CHECKING:
-    from legoworld.bench.http_options import HttpOptions
+    from legoworld.bench.admission import HttpOptions
 
 _OF_HTTP: Final = (
     "host", "port", "token_file", "queue", "body_limit", "unpacked_limit", "step", "per_object",
@@ -26,7 +26,7 @@ def _http_options(
     if not http:
         refuse_given(_OF_HTTP, "needs --http")
         return None
-    from legoworld.bench.http_options import HttpOptions, access_token
+    from legoworld.bench.admission import HttpOptions, access_token
 
     token, new = access_token(token_file)
     if new:

@@ -19,8 +19,8 @@ from legoworld.tasks.registry import broken_tasks, known_tasks
 from legoworld.tasks.shipped import DEFAULT
 
 if TYPE_CHECKING:
+    from legoworld.readouts.family import Protocol
     from legoworld.readouts.instructions import Instructions
-    from legoworld.readouts.protocol import Protocol
     from legoworld.records.cards import LicensedHead
 
 C = TypeVar("C", bound="LicensedHead")
@@ -131,8 +131,7 @@ def _card(kind: type[C], path: Path) -> C:
 
 def _schema(reading: Protocol, out: Output) -> int:
     """The authoring guide of a task; nothing in it is private."""
-    from legoworld.readouts.instructions import instructions
-    from legoworld.readouts.instructions_text import instructions_text
+    from legoworld.readouts.instructions import instructions, instructions_text
 
     text = instructions(reading)
     out.show(lambda: _document(text), [instructions_text(text).removesuffix("\n")])

@@ -1,14 +1,56 @@
-"""Checks that two evaluations are comparable."""
+"""The evaluations that are compared: read under distinct names, and checked to be comparable."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from legoworld.comparison.family import load_comparison_family
-from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.stored import StoredEvaluation
+from legoworld.errors import LegoWorldError, UsageError, one_line
+from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.records.base import UnsetType, as_json
+
+
+def read_sides(
+    folders: Sequence[Path], *, names: Sequence[str] | None = None
+) -> tuple[StoredEvaluation, ...]:
+    """The evaluations in their given order, the scene's first, under distinct names.
+
+    names: the names to use; by default each evaluation's recorded name, or its folder's name.
+    UsageError: fewer than two folders. EvaluationFolderError: a folder is not a finished
+    evaluation. EvaluationChangedError: a file differs from the one recorded in its evidence.json.
+    """
+    if len(folders) < 2:
+        raise UsageError(
+            "a comparison needs two evaluations",
+            found=f"{len(folders)}",
+            expected="EVAL_SCENE and at least one EVAL_BASELINE",
+        )
+    sides = [read_evaluation(folder) for folder in folders]
+    if names is not None:
+        return tuple(replace(s, name=name) for s, name in zip(sides, names, strict=True))
+    names = distinct_names([(s.name, s.folder.resolve().name) for s in sides])
+    return tuple(
+        replace(side, name=f"{name} (prompted with truth)" if side.used_truth else name)
+        for side, name in zip(sides, names, strict=True)
+    )
+
+
+def distinct_names(candidates: Sequence[tuple[str, str]]) -> list[str]:
+    """Distinct names from (name, folder name): extended by the folder name, then by a number."""
+    common = Counter(name for name, _ in candidates)
+    names = [name if common[name] == 1 else f"{name} ({folder})" for name, folder in candidates]
+    seen: Counter[str] = Counter()
+    repeated = Counter(names)
+    for place, name in enumerate(names):
+        seen[name] += 1
+        if repeated[name] > 1:
+            names[place] = f"{name} {seen[name]}"
+    return names
+
 
 _TRUTH_ROLES = ("truth", "truth_declaration")
 #: The fields of per_image rows that depend only on the ground truth.
@@ -38,6 +80,9 @@ def check_comparable(sides: Sequence[StoredEvaluation], *, allow_truth_prompts: 
         if first.task != other.task:
             raise _different(first, other, [f"task {first.task} and {other.task}"])
         differences = [*_differences(first, other), *family.differences(first, other)]
+        ours, theirs = (family.facts(side).dataset_version for side in (first, other))
+        if ours != theirs:
+            differences.append(f"dataset version {ours} and {theirs}")
         if differences:
             raise _different(first, other, differences)
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
+from legoworld.comparison.family import ComparisonFamily, SideFacts, measure_over_images
 from legoworld.comparison.measures import (
     EVERYTHING,
     HEADLINE,
@@ -21,7 +21,6 @@ from legoworld.comparison.measures import (
     Measure,
     Measures,
     Metric,
-    shared_draws,
 )
 from legoworld.evaluation.detection.amodal_sums import AMODAL_METRICS, amodal_metrics, amodal_values
 from legoworld.evaluation.detection.grid import Grid
@@ -39,8 +38,7 @@ from legoworld.evaluation.detection.ranking.resampling import (
 )
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.comparison import Better, Images, Level
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import Better, Level
 
 
 def restrict_table(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:
@@ -127,11 +125,9 @@ def side_frequencies(side: StoredEvaluation, category_ids: NDArray[np.int64]) ->
     return np.array([letters.get(int(i), "") for i in category_ids])
 
 
-def measure_detections(
-    side: StoredEvaluation, protocol: DetectionProtocol, kept: NDArray[np.bool_], shared: Draws
-) -> Measures:
+def measure_detections(side: StoredEvaluation, kept: NDArray[np.bool_], shared: Draws) -> Measures:
     """Every metric of `detection_metrics` over kept (images,) bool, from the recorded matches."""
-    arrays = side.matches
+    protocol, arrays = detection_protocol(side.task), side.matches
     frequencies = side_frequencies(side, arrays["category_ids"])
     measures: Measures = {}
     table = restrict_table(matches_file.table_from(arrays, matches_file.OWN), kept)
@@ -251,24 +247,11 @@ def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
     ]
 
 
-def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
-    ours, theirs = first.detection.dataset_version, other.detection.dataset_version
-    return [] if ours == theirs else [f"dataset version {ours} and {theirs}"]
-
-
-def _measurer(
-    _scene: StoredEvaluation, _images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
-) -> Measurer:
-    draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
-    return lambda side: measure_detections(side, detection_protocol(side.task), kept, draws)
-
-
 COMPARISON: Final = ComparisonFamily(
     metrics=lambda task: detection_metrics(detection_protocol(task)),
     unit=lambda _side: "image",
-    measurer=_measurer,
+    measurer=measure_over_images(measure_detections),
     centred=True,
     facts=lambda side: SideFacts(dataset_version=side.detection.dataset_version),
-    differences=_differences,
     notes=_notes,
 )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.measures import Measures, Metric
+from legoworld.comparison.measures import Draws, Measures, Metric, shared_draws
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Images
 from legoworld.records.evaluation_summary import DepthRules
@@ -58,6 +58,23 @@ class ComparisonFamily:
     facts: Callable[[StoredEvaluation], SideFacts] = lambda _side: SideFacts()
     differences: Callable[[StoredEvaluation, StoredEvaluation], list[str]] = _no_notes
     notes: Callable[[Sequence[StoredEvaluation]], list[str]] = _no_notes
+
+
+def measure_over_images(
+    measure: Callable[[StoredEvaluation, NDArray[np.bool_], Draws], Measures],
+) -> Callable[[StoredEvaluation, Images, NDArray[np.bool_], ComparisonSettings], Measurer]:
+    """A family's measurer whose bootstrap draws the kept (images,), whichever these are."""
+
+    def measurer(
+        _scene: StoredEvaluation,
+        _images: Images,
+        kept: NDArray[np.bool_],
+        settings: ComparisonSettings,
+    ) -> Measurer:
+        draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
+        return lambda side: measure(side, kept, draws)
+
+    return measurer
 
 
 def load_comparison_family(task: str) -> ComparisonFamily:

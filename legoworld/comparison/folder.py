@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from msgspec.structs import replace
 
@@ -38,7 +38,6 @@ from legoworld.tables.files import FORMATS
 
 COMPARISON: Final = "comparison.json"
 KINDS: Final = (KIND, JOINED)
-T = TypeVar("T")
 _TABLES: Final = ("table", "coverage")
 _OURS: Final = (
     COMPARISON,
@@ -162,8 +161,10 @@ def initial_evidence(
         "inputs": tuple(e for k, s in enumerate(sides) for e in _side_inputs(folder, s, k)),
         "files": {},
     }
-    records = load_record_family(sides[0].task)
-    return ComparisonEvidence(**common, methods=_raw(sides, records.method))
+    kind = load_record_family(sides[0].task).method
+    # Each side's own evidence: its evaluator's numbers, and the hashed files by role.
+    methods = tuple(to_record(kind, {**as_json(s.evidence), "name": s.name}) for s in sides)
+    return ComparisonEvidence(**common, methods=methods)
 
 
 def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:
@@ -184,11 +185,6 @@ def input_entry(folder: Path, role: str, path: Path) -> Input:
     return Input(
         role=role, path=Path(relative).as_posix(), sha256=file.sha256, bytes=file.size_bytes
     )
-
-
-def _raw(sides: Sequence[StoredEvaluation], kind: type[T]) -> tuple[T, ...]:
-    """Each side's own evidence: its evaluator's numbers, and the hashed files by role."""
-    return tuple(to_record(kind, {**as_json(s.evidence), "name": s.name}) for s in sides)
 
 
 def _pair_evidence(pair: Pair) -> PairEvidence:

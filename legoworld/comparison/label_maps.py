@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
-from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
-from legoworld.evaluation.label_maps.family import MapFamily
-from legoworld.evaluation.label_maps.sums import present_categories, resample_values, total_sums
+from legoworld.comparison.family import ComparisonFamily, SideFacts, measure_over_images
+from legoworld.comparison.measures import HEADLINE, TABLE, Draws, Measure, Measures, Metric
+from legoworld.evaluation.label_maps.family import (
+    MapFamily,
+    present_categories,
+    resample_values,
+    total_sums,
+)
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.comparison import Images
-from legoworld.records.evidence import ComparisonSettings
 from legoworld.records.label_maps import LabelMapRow, LabelMapSummary
 
 
 def _comparison(family: MapFamily) -> ComparisonFamily:
-    def measurer(
-        _scene: StoredEvaluation,
-        _images: Images,
-        kept: NDArray[np.bool_],
-        settings: ComparisonSettings,
-    ) -> Measurer:
-        counts = shared_draws(int(kept.sum()), settings.draws, settings.seed).counts
-        return lambda side: _measures(family, side, kept, counts)
-
     return ComparisonFamily(
         metrics=lambda _task: [
             Metric(
@@ -40,22 +34,21 @@ def _comparison(family: MapFamily) -> ComparisonFamily:
             for name in family.metrics
         ],
         unit=lambda _side: "image",
-        measurer=measurer,
+        measurer=measure_over_images(partial(_measures, family)),
         centred=True,
         facts=lambda side: SideFacts(dataset_version=_summary(side).dataset_version),
-        differences=_differences,
     )
 
 
 def _measures(
-    family: MapFamily, side: StoredEvaluation, kept: NDArray[np.bool_], counts: NDArray[np.int32]
+    family: MapFamily, side: StoredEvaluation, kept: NDArray[np.bool_], draws: Draws
 ) -> Measures:
     rows: list[LabelMapRow] = side.kept_rows(kept)
     ids = present_categories(rows)
     known = {category.id: category.isthing for category in _summary(side).categories}
     things = np.array([known[number] for number in ids], bool)
     values = family.values(total_sums(rows, ids), things)
-    samples = resample_values(family, rows, ids, things, counts)
+    samples = resample_values(family, rows, ids, things, draws.counts)
     over = {"images": len(rows), "categories": len(ids)}
     return {
         name: Measure(
@@ -69,11 +62,6 @@ def _measures(
 
 def _summary(side: StoredEvaluation) -> LabelMapSummary:
     return cast("LabelMapSummary", side.summary)
-
-
-def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
-    ours, theirs = _summary(first).dataset_version, _summary(other).dataset_version
-    return [] if ours == theirs else [f"dataset version {ours} and {theirs}"]
 
 
 PANOPTIC: Final = _comparison(SEGMENTS)

@@ -10,12 +10,11 @@ from typing import Final
 import numpy as np
 from msgspec import structs
 
-from legoworld.comparison.compatibility import check_comparable
+from legoworld.comparison.compatibility import check_comparable, distinct_names
 from legoworld.comparison.provenance import NOT_RECORDED, recorded_provenance
-from legoworld.comparison.sides import distinct_names
 from legoworld.comparison.standings import standings_table
 from legoworld.errors import ConfigurationMismatchError, UsageError
-from legoworld.evaluation.bootstrap import interval
+from legoworld.evaluation.bootstrap import draw_groups, interval
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.files import sha256_of_file, write_text
@@ -214,8 +213,8 @@ def _with_intervals(
     group: LeaderboardGroup, runs: Sequence[StoredEvaluation], draws: int, seed: int
 ) -> LeaderboardGroup:
     """Intervals of the mean over runs: each family is drawn in all runs together."""
-    shared = means.family_draws(runs[0].reconstruction_rows, draws, seed)
-    if len(shared.column) < 2:
+    shared = draw_groups([row.family for row in runs[0].reconstruction_rows], draws, seed)
+    if not shared.spread:
         return group
     known = [name for name, found in group.metrics.items() if found.over == "attempted"]
     metrics = dict(group.metrics)
@@ -226,8 +225,9 @@ def _with_intervals(
             continue
         samples = []
         for run in runs:
-            values = np.array([measure.value(row) for row in run.reconstruction_rows], np.float64)
-            samples.append(means.family_means(values, run.reconstruction_rows, shared))
+            rows = run.reconstruction_rows
+            values = np.array([measure.value(row) for row in rows], np.float64)
+            samples.append(shared.means(values, [row.family for row in rows]))
         bounds = interval(np.mean(samples, axis=0), unit="family")
         metrics[measure.name] = structs.replace(metrics[measure.name], interval=bounds)
     return structs.replace(group, metrics=metrics)

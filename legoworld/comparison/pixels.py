@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.family import ComparisonFamily, Measurer, SideFacts
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE, Measure, Measures, Metric
+from legoworld.evaluation.bootstrap import GroupDraws, draw_groups
 from legoworld.evaluation.pixels.family import PixelFamily, metric_policies
 from legoworld.evaluation.pixels.summary import (
-    group_columns,
-    group_draws,
-    mean_samples,
     resampling_unit,
 )
 from legoworld.evaluation.stored import StoredEvaluation
@@ -40,17 +38,6 @@ class PixelComparison:
     notes: Callable[[Sequence[StoredEvaluation]], list[str]] = lambda _sides: []
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroupDraws:
-    """The bootstrap over groups (scenes), shared by both sides.
-
-    counts: (draws, groups), None where there are fewer than two groups; column: of each group.
-    """
-
-    counts: NDArray[np.int32] | None
-    column: dict[str, int]
-
-
 def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
     """The comparison of a family."""
 
@@ -60,8 +47,9 @@ def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
         kept: NDArray[np.bool_],
         settings: ComparisonSettings,
     ) -> Measurer:
-        groups = shared_group_draws(scene.kept_rows(kept), settings.draws, settings.seed)
-        return lambda side: measure_pixels(compared, side, images, kept, groups)
+        groups = [row.group for row in scene.kept_rows(kept)]
+        draws = draw_groups(groups, settings.draws, settings.seed)
+        return lambda side: measure_pixels(compared, side, images, kept, draws)
 
     return ComparisonFamily(
         metrics=lambda _task: list_pixel_metrics(compared.family),
@@ -92,12 +80,6 @@ def list_pixel_metrics(family: PixelFamily) -> list[Metric]:
             for policy in metric.policies
         ]
     return metrics
-
-
-def shared_group_draws(rows: Sequence[PixelRow], draws: int, seed: int) -> GroupDraws:
-    """The draws over the groups of these rows; both sides' rows have the same groups."""
-    columns = group_columns(rows)
-    return GroupDraws(counts=group_draws(columns, draws, seed), column=columns)
 
 
 def measure_pixels(
@@ -152,8 +134,8 @@ def _mean(
     numbers = np.array(values, np.float64)
     value = float(np.mean(numbers)) if len(numbers) else float("nan")
     samples = None
-    if shared.counts is not None and len(numbers):
-        samples = mean_samples(numbers, rows, shared.column, shared.counts)
+    if shared.spread and len(numbers):
+        samples = shared.means(numbers, [row.group for row in rows])
     return Measure(value=value, samples=samples, over=over, extra=extra)
 
 

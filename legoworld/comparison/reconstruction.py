@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from legoworld.cards import load_card
 from legoworld.comparison.family import ComparisonFamily, Measurer
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, Measure, Measures, Metric
+from legoworld.evaluation.bootstrap import GroupDraws, draw_groups
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.stored import StoredEvaluation
@@ -31,19 +32,12 @@ def bench_metrics(task: str) -> list[Metric]:
     return found
 
 
-def family_draws(
-    side: StoredEvaluation, kept: NDArray[np.bool_], draws: int, seed: int
-) -> means.Draws:
-    """Draws over the families of the kept cases, (cases,) bool, shared by both sides."""
-    return means.family_draws(side.kept_rows(kept), draws, seed)
-
-
 def measure_bench(
-    side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: means.Draws
+    side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: GroupDraws
 ) -> Measures:
     """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out.
 
-    kept: (cases,), as in `family_draws`.
+    kept: (cases,) bool.
     """
     rows: list[ReconstructionRow] = side.kept_rows(kept)
     return {
@@ -61,16 +55,14 @@ def _measures(task: str) -> list[means.Measure]:
     return [measure for measure in known if measure.over == "attempted"]
 
 
-def _mean(
-    measure: means.Measure, rows: Sequence[ReconstructionRow], shared: means.Draws
-) -> Measure:
+def _mean(measure: means.Measure, rows: Sequence[ReconstructionRow], shared: GroupDraws) -> Measure:
     values = [measure.value(row) for row in rows]
     defined = [value for value in values if value is not None]
     over = {"images": len(rows), "not valid": sum(not row.valid for row in rows)}
     if len(defined) < len(rows):
         return Measure(value=float("nan"), samples=None, over=over)
     numbers = np.array(defined, np.float64)
-    samples = means.family_means(numbers, rows, shared) if len(shared.column) > 1 else None
+    samples = shared.means(numbers, [row.family for row in rows]) if shared.spread else None
     return Measure(value=float(np.mean(numbers)), samples=samples, over=over)
 
 
@@ -95,8 +87,9 @@ def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
 def _measurer(
     scene: StoredEvaluation, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
 ) -> Measurer:
-    families = family_draws(scene, kept, settings.draws, settings.seed)
-    return lambda side: measure_bench(side, images, kept, families)
+    families = [row.family for row in scene.kept_rows(kept)]
+    draws = draw_groups(families, settings.draws, settings.seed)
+    return lambda side: measure_bench(side, images, kept, draws)
 
 
 COMPARISON: Final = ComparisonFamily(

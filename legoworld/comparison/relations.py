@@ -7,13 +7,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.family import ComparisonFamily, Measurer
-from legoworld.comparison.measures import HEADLINE, TABLE, Measure, Measures, Metric, shared_draws
+from legoworld.comparison.family import ComparisonFamily, measure_over_images
+from legoworld.comparison.measures import HEADLINE, TABLE, Draws, Measure, Measures, Metric
 from legoworld.evaluation.bootstrap import weighted_sums
-from legoworld.evaluation.relations.summary import METRICS, POLICIES, ratios, sums_of, values
+from legoworld.evaluation.relations.family import METRICS, POLICIES, metric_sums, ratios, values
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.comparison import Images
-from legoworld.records.evidence import ComparisonSettings
 from legoworld.records.relations import RelationsRow
 
 _HEADLINE: Final = ("accuracy", "count_exact", "mra", "refer_50")
@@ -32,27 +30,20 @@ def _metrics(_task: str) -> list[Metric]:
     ]
 
 
-def _measurer(
-    _scene: StoredEvaluation, _images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
-) -> Measurer:
-    draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
-
-    def measure(side: StoredEvaluation) -> Measures:
-        used: list[RelationsRow] = side.kept_rows(kept)
-        measures = {}
-        for name, guessed in METRICS.items():
-            sums = sums_of(name, used)
-            whole = values(name, sums)
-            samples = ratios(name, sums, lambda column: weighted_sums(draws.counts, column))
-            for k, policy in enumerate(POLICIES if guessed else POLICIES[:1]):
-                measures[f"{name}.{policy}"] = Measure(
-                    value=float(whole[k]), samples=samples[k], over={"images": len(used)}
-                )
-        return measures
-
-    return measure
+def _measure(side: StoredEvaluation, kept: NDArray[np.bool_], draws: Draws) -> Measures:
+    rows: list[RelationsRow] = side.kept_rows(kept)
+    measures = {}
+    for name, guessed in METRICS.items():
+        sums = metric_sums(name, rows)
+        whole = values(name, sums)
+        samples = ratios(name, sums, lambda column: weighted_sums(draws.counts, column))
+        for k, policy in enumerate(POLICIES if guessed else POLICIES[:1]):
+            measures[f"{name}.{policy}"] = Measure(
+                value=float(whole[k]), samples=samples[k], over={"images": len(rows)}
+            )
+    return measures
 
 
 COMPARISON: Final = ComparisonFamily(
-    metrics=_metrics, unit=lambda _side: "image", measurer=_measurer
+    metrics=_metrics, unit=lambda _side: "image", measurer=measure_over_images(_measure)
 )

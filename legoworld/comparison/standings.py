@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from legoworld.comparison.provenance import recorded_provenance
 from legoworld.comparison.ranks import paired_differences, rank_systems
-from legoworld.evaluation.bootstrap import interval
+from legoworld.evaluation.bootstrap import draw_groups, interval
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.points import F64
 from legoworld.evaluation.stored import StoredEvaluation
@@ -45,7 +45,8 @@ def with_standings(board: Leaderboard, sides: Sequence[StoredEvaluation]) -> Lea
     rendered = all(row.groups[0].metrics["S"].mean is not None for row in board.rows)
     metric: Literal["S", "R"] = "S" if rendered else "R"
     (measure,) = [one for one in means.headline(()) if one.name == metric]
-    drawn = means.family_draws(sides[0].reconstruction_rows, board.draws, board.seed)
+    families = [row.family for row in sides[0].reconstruction_rows]
+    drawn = draw_groups(families, board.draws, board.seed)
     by_name = {side.name: side.reconstruction_rows for side in sides}
     used = {side.name: _usages(side) for side in sides}
 
@@ -53,12 +54,12 @@ def with_standings(board: Leaderboard, sides: Sequence[StoredEvaluation]) -> Lea
         runs = []
         for name in row.evaluations:
             values = np.array([measure.value(case) for case in by_name[name]], np.float64)
-            runs.append(means.family_means(values, by_name[name], drawn))
+            runs.append(drawn.means(values, [case.family for case in by_name[name]]))
         mean: F64 = np.mean(runs, axis=0)
         return mean
 
     values = np.array([row.groups[0].metrics[metric].mean for row in board.rows], np.float64)
-    resampled = np.array([samples(row) for row in board.rows]) if len(drawn.column) > 1 else None
+    resampled = np.array([samples(row) for row in board.rows]) if drawn.spread else None
     pairs = paired_differences(
         combinations(range(len(values)), 2),
         values,

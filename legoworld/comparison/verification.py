@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from legoworld.comparison.compatibility import read_sides
 from legoworld.comparison.document import compare
 from legoworld.comparison.folder import (
     COMPARISON,
@@ -18,8 +19,7 @@ from legoworld.comparison.folder import (
     read_document,
     rendered_tables,
 )
-from legoworld.comparison.joined_comparison import join_comparisons
-from legoworld.comparison.sides import read_sides
+from legoworld.comparison.make_comparison import join_comparisons
 from legoworld.comparison.tables import Document
 from legoworld.evaluation.checks import Check, check_files, check_inputs, find_input, until_damage
 from legoworld.evaluation.detection.scoring import AGREEMENT

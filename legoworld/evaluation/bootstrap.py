@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -65,6 +67,34 @@ def resampled_means(
     with np.errstate(invalid="ignore", divide="ignore"):
         means: NDArray[np.float64] = weighted_sums(counts, sums) / weighted_sums(counts, sizes)
     return means
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupDraws:
+    """Bootstrap draws over named groups, such as scenes, shared by every number over them.
+
+    counts: (draws, groups) how often each group is in each sample; column: of each group.
+    """
+
+    counts: NDArray[np.int32]
+    column: dict[str, int]
+
+    @property
+    def spread(self) -> bool:
+        """Whether there are several groups: one alone shows none."""
+        return len(self.column) > 1
+
+    def means(self, values: NDArray[np.float64], groups: Iterable[str]) -> NDArray[np.float64]:
+        """(draws,) means of the values, each weighted by how often its group was drawn."""
+        columns = np.array([self.column[group] for group in groups], np.int64)
+        return resampled_means(values, columns, self.counts)
+
+
+def draw_groups(groups: Iterable[str], draws: int, seed: int) -> GroupDraws:
+    """Draws over the distinct groups, in the order of their names."""
+    names = sorted(set(groups))
+    counts = resample_counts(len(names), draws, seed) if names else np.empty((draws, 0), np.int32)
+    return GroupDraws(counts=counts, column={name: k for k, name in enumerate(names)})
 
 
 def weighted_sums(counts: NDArray[np.int32], values: NDArray[Any]) -> NDArray[np.float64]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,29 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
-from legoworld.evaluation.prepare_inputs import HERE, Origins
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evidence import EvaluationEvidence
+from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
+from legoworld.records.folders.evaluation_folder import InputFile, input_file, prepare_folder
+from legoworld.remote import child
 from legoworld.tables.table import Table
 from legoworld.tables.terminal import terminal, within_width
 from legoworld.tasks.registry import find_family
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origins:
+    """The URLs of the run that is scored and of the evaluation; None where it is a folder here."""
+
+    run_url: str | None = None
+    output_url: str | None = None
+
+
+#: Nothing is a copy.
+HERE = Origins()
 
 
 def _ignore(_what: object) -> None:
@@ -53,6 +67,37 @@ class EvaluationRequest:
     warn: Callable[[str], None] = _ignore
     pool: WorkerPool = IN_PROCESS
     origins: Origins = HERE
+
+
+def prepare_inputs(
+    request: EvaluationRequest,
+    run: Path,
+    files: Sequence[tuple[str, Path]],
+    configuration: ScoreConfiguration,
+) -> list[InputFile]:
+    """Hash the files that a score depends on and prepare the evaluation folder for them.
+
+    run: the folder that is read; files: role and path of each, as it lies here. A file of a run at
+    a URL is named by its own URL, which remains valid after the copy is deleted. Where the
+    evaluation goes to a URL, a file of this machine has no path relative to it, and is named by its
+    whole path. Raises as `prepare_folder` does.
+    """
+    inputs = [
+        replace(input_file(role, path), recorded=_recorded_path(path, run, request.origins))
+        for role, path in files
+    ]
+    prepare_folder(
+        request.output, configuration=configuration, inputs=inputs, overwrite=request.overwrite
+    )
+    return inputs
+
+
+def _recorded_path(path: Path, run: Path, origins: Origins) -> str | None:
+    if origins.run_url is not None and path.is_relative_to(run):
+        # Strip credentials from the URL.
+        url = re.sub(r"(?<=://)[^/@]*@", "", origins.run_url)
+        return child(url, path.relative_to(run).as_posix())
+    return path.resolve().as_posix() if origins.output_url is not None else None
 
 
 @dataclass(frozen=True, kw_only=True)

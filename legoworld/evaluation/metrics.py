@@ -1,12 +1,13 @@
-"""An evaluation's tables: every number with its interval and what it is over, a side a column."""
+"""An evaluation's tables and the words for its numbers: each with its interval and denominators."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
-from legoworld.pluralize import share
-from legoworld.records.evaluation_summary import Interval, Summary
+from legoworld.pluralize import plural, share
+from legoworld.records.evaluation_summary import Coverage, Interval, Summary
 from legoworld.tables.table import Cell, Column, Number, Spread, Table
 
 
@@ -39,7 +40,7 @@ class MetricPart:
     note: str = ""
 
 
-def number(value: float | None, interval: Interval | None = None) -> Number:
+def number_cell(value: float | None, interval: Interval | None = None) -> Number:
     """A number of a summary with its interval."""
     return Number(value=value, ends=interval.ends if interval and value is not None else None)
 
@@ -49,7 +50,7 @@ def metric_parts(summary: Summary) -> list[MetricPart]:
     coverage = summary.coverage
     over = share(coverage.scored, coverage.attempted, "image", "images")
     rows = [
-        MetricRow(name=name, policy=policy or "", number=number(value, interval), over=over)
+        MetricRow(name=name, policy=policy or "", number=number_cell(value, interval), over=over)
         for name, policy, value, interval in summary.metric_values()
     ]
     return [MetricPart(title="Every metric", rows=rows)]
@@ -105,3 +106,39 @@ def _cells(row: MetricRow | None, *, constants: bool) -> Iterator[Cell]:
     if constants:
         yield row.constant or "-"
     yield row.over
+
+
+#: Maximum number of lines of one kind.
+_SHORT: Final = 3
+
+
+def describe_evaluator(summary: Summary) -> str:
+    """The evaluator and its version."""
+    return f"{summary.evaluator.name} {summary.evaluator.version}"
+
+
+def image_counts(coverage: Coverage) -> str:
+    """Images attempted, scored and with truth."""
+    return (
+        f"{plural(coverage.attempted, 'image', 'images')} attempted, {coverage.scored} "
+        f"scored, {coverage.with_truth} with truth"
+    )
+
+
+def fraction(value: float | None) -> str:
+    """A number with four digits, "-" where it is undefined."""
+    return str(Number(value=value))
+
+
+def bounds(interval: Interval | None) -> str:
+    """An interval after a space, "" without one."""
+    ends = interval.ends if interval else None
+    return f" {Number(value=None, ends=ends).spread}" if ends else ""
+
+
+def first_few(lines: Sequence[str], one: str, many: str) -> list[str]:
+    """The first lines of one kind, and how many more there are."""
+    if len(lines) <= _SHORT:
+        return [*lines]
+    more = plural(len(lines) - _SHORT, f"more {one}", f"more {many}")
+    return [*lines[:_SHORT], f"... and {more} (-v lists all)"]

@@ -15,7 +15,7 @@ from legoworld.depth_files.read_depth import npz_contents
 from legoworld.errors import cause
 from legoworld.files import sha256_of_file
 from legoworld.plugin.evidence import EvidenceInvalidError
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import canonical
 from legoworld.records.folders.read_run import (
     RUN,

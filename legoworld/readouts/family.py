@@ -1,27 +1,31 @@
-"""The readout of a family: what is exported of one image, and how a run sums it up."""
+"""The readout of a family: what is exported of one image; a task's card and vocabulary."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.cards import Card
+from legoworld.cards import Card, load_card
+from legoworld.errors import UsageError
 from legoworld.records.folders.read_run import ANSWERS, ROWS, RunDamagedError
 from legoworld.records.predictions import Prediction
 from legoworld.records.run_file import RunSummary
 from legoworld.records.run_rows import RunRow
+from legoworld.shipped import catalog
 from legoworld.tables.table import Table
+from legoworld.tasks.registry import require_task
+from legoworld.tasks.task import Task
 from legoworld.tracks.track import Track
+from legoworld.tracks.vocabulary import Category, Vocabulary, load
 
 if TYPE_CHECKING:
     from legoworld.readouts.pictures import Rgb
     from legoworld.scene.instances import Instance
-    from legoworld.tracks.vocabulary import Category, Vocabulary
     from legoworld.visibility.normals import Variant
     from legoworld.visibility.view import View
 
@@ -101,4 +105,65 @@ def unusable_row(row: RunRow, missing: str) -> RunDamagedError:
         found=f"no {missing} of image {row.image_id}",
         expected="rows as a run writes them",
         next_step="run its command again with --overwrite",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Protocol:
+    """A task with its card and vocabulary (None where its answers have no categories).
+
+    override_property: the custom property that overrides `category` in this task.
+    """
+
+    task: Task
+    card: Card
+    vocabulary: Vocabulary | None
+    override_property: str | None = None
+
+    def category(self, name: str, option: str) -> Category:
+        """The category that an option names. UsageError for no name of the vocabulary."""
+        assert self.vocabulary is not None
+        category = self.vocabulary.match(name)
+        if category is None:
+            raise UsageError(
+                f"{option} names no category of {self.task.name}",
+                found=repr(name),
+                expected=" or ".join(self.vocabulary.nearest(name)) or "a name of its vocabulary",
+                next_step=f"`legoworld list schema --task {self.task.name}` lists them",
+            )
+        return category
+
+    @property
+    def readout(self) -> ReadoutFamily:
+        """How answers of this kind are read."""
+        return load_readout_family(self.task)
+
+
+def load_readout_family(task: Task) -> ReadoutFamily:
+    """The readout of a task's family."""
+    return task.family.load("readout", ReadoutFamily)
+
+
+def protocol(
+    name: str, track_vocabulary: Vocabulary | None, labels_of: str | None = None
+) -> Protocol:
+    """A task's protocol; a track's own categories override the shipped vocabulary.
+
+    labels_of: another task whose vocabulary and label rules take the place of its own. UsageError
+    for one without categories.
+    """
+    task = require_task(name)
+    card = load_card(name)
+    rules = (load_card(labels_of) if labels_of else card).record.vocabulary
+    if rules is None and labels_of:
+        raise UsageError(f"the task {labels_of} has no categories", expected="such as coco or lvis")
+    if rules is None:
+        return Protocol(task=task, card=card, vocabulary=None)
+    vocabulary = track_vocabulary or load(catalog.folder("datasets") / rules.file)
+    if rules.synonyms == "none":
+        vocabulary = Vocabulary(tuple(replace(c, synonyms=()) for c in vocabulary.categories))
+    if rules.qualifier == "where_ambiguous":
+        vocabulary = replace(vocabulary, bare_words=True)
+    return Protocol(
+        task=task, card=card, vocabulary=vocabulary, override_property=rules.override_property
     )

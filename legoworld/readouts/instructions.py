@@ -1,4 +1,4 @@
-"""The authoring guide of a task.
+"""The authoring guide of a task, as values and as the text of `legoworld list schema`.
 
 The wording is in readouts/instructions/scene.toml; every value in it comes from the task's card.
 """
@@ -6,6 +6,7 @@ The wording is in readouts/instructions/scene.toml; every value in it comes from
 from __future__ import annotations
 
 import json
+import textwrap
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,8 +16,9 @@ from typing import Any, Final, Literal
 from legoworld.cards import Card
 from legoworld.errors import InstallationError
 from legoworld.files import Json
-from legoworld.readouts.protocol import Protocol
-from legoworld.readouts.protocol import protocol as protocol_of_task
+from legoworld.pluralize import plural
+from legoworld.readouts.family import Protocol
+from legoworld.readouts.family import protocol as protocol_of_task
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import BLEND, GLB, PICTURE, PROGRAM
 from legoworld.shipped import catalog
@@ -177,3 +179,28 @@ def _labels_file(protocol: Protocol, example: Mapping[str, str] | None) -> Mappi
             for kind in ("object", "collection")
         ],
     }
+
+
+def instructions_text(instructions: Instructions) -> str:
+    """What a scene's author needs to know, and nothing private. Ends with a newline."""
+    task, card = instructions.protocol.task.name, instructions.protocol.card
+    lines = [f"# How to write a scene for {task}: {card.record.readout.title} ({card.version})"]
+    for section in instructions.sections:
+        lines.append(f"\n## {section.title}")
+        lines += [_wrap_text(statement, "- ", "  ") for statement in section.statements]
+    if instructions.protocol.vocabulary is not None:
+        names = [c.name for c in instructions.protocol.vocabulary.categories]
+        lines.append(f"\n## Vocabulary: {plural(len(names), 'name', 'names')}")
+        lines.append(_wrap_text(", ".join(names), "", ""))
+    return "\n".join(lines) + "\n"
+
+
+def _wrap_text(text: str, first: str, others: str) -> str:
+    return textwrap.fill(
+        text,
+        width=100,
+        initial_indent=first,
+        subsequent_indent=others,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -17,9 +17,9 @@ from legoworld.readouts.label_maps import (
     id_colors,
     most_bytes,
     segment_map,
+    segment_picture,
     write_map,
 )
-from legoworld.readouts.map_pictures import segment_picture
 from legoworld.readouts.pictures import Rgb
 from legoworld.records.base import as_json
 from legoworld.records.run_rows import Exported, RunRow

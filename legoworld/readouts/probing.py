@@ -1,21 +1,156 @@
-"""A scene as a private probe looks at it: reference and submission through one function."""
+"""A scene as a private probe looks at it: reference and submission through one function.
+
+And points spread evenly over whatever surface lies in a box of the camera frame.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.readouts.box_samples import Box
 from legoworld.readouts.surface import nearest_clip
 from legoworld.records.track import Probe, SecondView
+from legoworld.scene.affine import cam_from_mesh, cross, length, transform_points
 from legoworld.scene.requests import StandRequest
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.visibility.projection import Projection
 from legoworld.visibility.scoring_raster import on_raster, picture_projection, raster_size
+
+F64 = NDArray[np.float64]
+#: Points of one box, whatever its surface: more area is sampled more thinly.
+MOST_POINTS: Final = 4096
+FEWEST_POINTS: Final = 256
+#: Steps of the additive recurrence that spreads points over triangles (Roberts 2018).
+_R2: Final = (0.7548776662466927, 0.5698402909980532)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """Corners in the camera frame, metres; spacing_m: of the points that are wanted in it."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    spacing_m: float
+
+
+def box_samples(
+    snapshot: Snapshot, boxes: Sequence[Box], *, among: NDArray[np.bool_] | None = None
+) -> list[NDArray[np.float32]]:
+    """(N, 3) points in the snapshot's camera frame, metres, for each box; the same every time.
+
+    among: (S,) the snapshot's surfaces that count, None for all. Every surface counts, seen or not.
+    """
+    pieces: list[list[F64]] = [[] for _ in boxes]
+    if not boxes:
+        return []
+    scale = snapshot.render.unit_scale
+    low, high = np.array([b.low for b in boxes]), np.array([b.high for b in boxes])
+    placed = cam_from_mesh(snapshot.camera, snapshot.world_from_mesh) * scale
+    limits = _mesh_limits(snapshot)
+    for surface, mesh in enumerate(snapshot.surface_mesh.tolist()):
+        if among is not None and not among[surface]:
+            continue
+        bottom, top = _moved_limits(placed[surface], *limits[mesh])
+        near = np.flatnonzero((bottom <= high).all(axis=1) & (top >= low).all(axis=1))
+        if not len(near):
+            continue
+        triangles = mesh_triangles(snapshot, mesh, placed[surface])
+        least, most = triangles.min(axis=1), triangles.max(axis=1)
+        for k in near.tolist():
+            meets = (least <= high[k]).all(axis=1) & (most >= low[k]).all(axis=1)
+            within = (least >= low[k]).all(axis=1) & (most <= high[k]).all(axis=1)
+            pieces[k].append(triangles[within])
+            if (meets & ~within).any():
+                pieces[k].append(_clip(triangles[meets & ~within], low[k], high[k]))
+    return [
+        _spread(np.concatenate(parts) if parts else np.zeros((0, 3, 3)), box.spacing_m)
+        for parts, box in zip(pieces, boxes, strict=True)
+    ]
+
+
+def mesh_triangles(snapshot: Snapshot, mesh: int, placed: F64) -> F64:
+    """(T, 3, 3) corners of a mesh after a (3, 4) transform."""
+    begin, end = snapshot.vertex_start[mesh], snapshot.vertex_start[mesh + 1]
+    first, last = snapshot.triangle_start[mesh], snapshot.triangle_start[mesh + 1]
+    points = transform_points(placed, snapshot.vertices[begin:end].astype(np.float64))
+    return np.asarray(points[snapshot.triangles[first:last]], np.float64)
+
+
+def _mesh_limits(snapshot: Snapshot) -> list[tuple[F64, F64]]:
+    """Each mesh's own box; an empty one where it has no vertex."""
+    starts = snapshot.vertex_start
+    found = []
+    for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        points = snapshot.vertices[begin:end].astype(np.float64)
+        if len(points):
+            found.append((points.min(axis=0), points.max(axis=0)))
+        else:
+            found.append((np.full(3, np.inf), np.full(3, -np.inf)))
+    return found
+
+
+def _moved_limits(placed: F64, low: F64, high: F64) -> tuple[F64, F64]:
+    """The box around a box after a transform."""
+    if not (low <= high).all():
+        return low, high
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    moved = transform_points(placed, corners)
+    return moved.min(axis=0), moved.max(axis=0)
+
+
+def _clip(triangles: F64, low: F64, high: F64) -> F64:
+    """The parts of (N, 3, 3) triangles in a box, as triangles (Sutherland and Hodgman 1974)."""
+    polygons, sizes = triangles, np.full(len(triangles), 3)
+    for axis in range(3):
+        for sign, limit in ((1.0, low[axis]), (-1.0, -high[axis])):
+            polygons, sizes = _cut(polygons, sizes, sign * polygons[..., axis] - limit)
+            kept = sizes >= 3
+            polygons, sizes = polygons[kept], sizes[kept]
+    fans = [
+        np.stack([polygons[:, 0], polygons[:, k], polygons[:, k + 1]], axis=1)[sizes > k + 1]
+        for k in range(1, polygons.shape[1] - 1)
+    ]
+    return np.concatenate(fans) if fans else np.zeros((0, 3, 3))
+
+
+def _cut(polygons: F64, sizes: NDArray[np.intp], inside: F64) -> tuple[F64, NDArray[np.intp]]:
+    """What is left of (N, K, 3) polygons of so many corners where `inside` is not negative."""
+    count, most = polygons.shape[:2]
+    places = np.arange(most)
+    real = places < sizes[:, None]
+    after = np.where(places + 1 < sizes[:, None], places + 1, 0)
+    rows = np.arange(count)[:, None]
+    here, there = inside, inside[rows, after]
+    crosses = real & ((here >= 0) != (there >= 0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(crosses, here / (here - there), 0.0)[..., None]
+    crossing = polygons + share * (polygons[rows, after] - polygons)
+    corners = np.stack([polygons, crossing], axis=2).reshape(count, 2 * most, 3)
+    kept = np.stack([real & (here >= 0), crosses], axis=2).reshape(count, 2 * most)
+    order = np.argsort(~kept, axis=1, kind="stable")
+    left = kept.sum(axis=1)
+    return corners[rows, order][:, : max(3, int(left.max(initial=0)))], left
+
+
+def _spread(triangles: F64, spacing_m: float) -> NDArray[np.float32]:
+    """Points at equal steps of area through the triangles, spread inside each of them."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    area = np.cumsum(length(cross(b - a, c - a))) / 2
+    if not len(area) or not area[-1] > 0:
+        return triangles[:, 0].astype(np.float32)[:FEWEST_POINTS]
+    wanted = min(MOST_POINTS, max(FEWEST_POINTS, round(float(area[-1]) / spacing_m**2)))
+    steps = (np.arange(wanted) + 0.5) * (area[-1] / wanted)
+    at = np.minimum(np.searchsorted(area, steps), len(area) - 1)
+    u, v = (((np.arange(wanted) + 1) * step % 1.0)[:, None] for step in _R2)
+    over = u + v > 1
+    u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
+    return np.asarray(a[at] + u * (b - a)[at] + v * (c - a)[at], np.float32)
+
 
 #: The two looks of a probe, as its arrays are called.
 OFFSET, VIEW = "offset", "view"

@@ -9,8 +9,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from legoworld.readouts.family import AnsweredImage, ReadoutFamily
-from legoworld.readouts.label_maps import category_map, most_bytes, write_map
-from legoworld.readouts.map_pictures import category_picture
+from legoworld.readouts.label_maps import category_map, category_picture, most_bytes, write_map
 from legoworld.records.run_rows import RunRow
 
 

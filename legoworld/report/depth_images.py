@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.cards import load_card
-from legoworld.evaluation.depth.alignment import aligned_z
 from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.protocol import depth_protocol
-from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
-from legoworld.evaluation.pixels.resampling import sampler
-from legoworld.evaluation.pixels.view import decode_array
+from legoworld.evaluation.depth.scoring import ImageScore, aligned_z, score_image, valid_truth
+from legoworld.evaluation.pixels.resampling import decode_array, sampler
 from legoworld.records.depth import ScoredDepthRow
 from legoworld.records.evaluation_view import DepthView
 from legoworld.records.report_page import Advice, DepthDrawing

@@ -139,7 +139,7 @@ def _overlaps(
     shapes_of_both = shapes(task, image, predictions), shapes(task, image, truths)
     protocol = detection_protocol(task)
     crowd = [0 if protocol.federated else int(bool(t.iscrowd)) for t in truths]
-    return protocol.payload.compared(*shapes_of_both, crowd)
+    return protocol.payload.compare_shapes(*shapes_of_both, crowd)
 
 
 def shapes(

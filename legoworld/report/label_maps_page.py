@@ -11,14 +11,13 @@ from typing import Any, Final, NamedTuple, cast
 import numpy as np
 from msgspec.structs import replace
 
-from legoworld.evaluation.label_maps.family import F64, MapFamily
+from legoworld.evaluation.label_maps.family import F64, MapFamily, present_categories, total_sums
 from legoworld.evaluation.label_maps.png import encode_webp, view_picture
-from legoworld.evaluation.label_maps.sums import present_categories, total_sums
 from legoworld.evaluation.panoptic.family import MAPS as SEGMENTS
 from legoworld.evaluation.semantic.family import MAPS as CLASSES
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
-from legoworld.readouts.map_pictures import picture_categories
+from legoworld.readouts.label_maps import picture_categories
 from legoworld.readouts.pictures import Rgb
 from legoworld.records.base import number
 from legoworld.records.label_maps import LabelMapRow, LabelMapSummary, LabelMapView

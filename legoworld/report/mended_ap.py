@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import HALF, Grid
-from legoworld.evaluation.detection.matching.compiled_matching import match_columns
 from legoworld.evaluation.detection.matching.greedy import (
     FALSE_POSITIVE,
     IGNORED,
     TRUE_POSITIVE,
     MatchTable,
 )
+from legoworld.evaluation.detection.matching.matches import match_columns
 from legoworld.evaluation.detection.matching.matches_file import table_from
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints
 from legoworld.evaluation.detection.protocols import detection_protocol

@@ -9,11 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.normals.angles import angular_errors
 from legoworld.evaluation.normals.arrays import TOWARDS, NormalsArray, valid_normals
-from legoworld.evaluation.normals.protocol import HOLE_DEG
-from legoworld.evaluation.pixels.resampling import sampler
-from legoworld.evaluation.pixels.view import decode_array
+from legoworld.evaluation.normals.protocol import HOLE_DEG, angular_errors
+from legoworld.evaluation.pixels.resampling import decode_array, sampler
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.normals import ScoredNormalsRow
 from legoworld.records.report_page import Advice, NormalsDrawing

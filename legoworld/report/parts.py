@@ -36,7 +36,7 @@ def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[P
     predicted = shapes(task, image.image, side.entries)
     truths = shapes(task, image.image, image.truths)
     payload = detection_protocol(task).payload
-    compared, union = payload.compared, payload.together
+    compared, union = payload.compare_shapes, payload.enclose_shapes
     inside, parts = compared(predicted, truths, [1] * len(truths)), []
     for g, state in enumerate(side.errors.truth):
         members = _members(image, side, g, inside[:, g])
@@ -59,7 +59,7 @@ def lone_part(task: str, image: DetectionImage, entry: int, side: SideImage) -> 
         return None
     predicted = shapes(task, image.image, [side.entries[entry]])
     truths = shapes(task, image.image, [image.truths[g] for g in same])
-    inside = detection_protocol(task).payload.compared(predicted, truths, [1] * len(same))[0]
+    inside = detection_protocol(task).payload.compare_shapes(predicted, truths, [1] * len(same))[0]
     return same[int(inside.argmax())] if inside.max() >= _INSIDE else None
 
 

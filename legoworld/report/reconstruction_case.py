@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.evaluation.reconstruction.appearance import PictureError, agreement
-from legoworld.evaluation.reconstruction.correspondence import on_one_raster
+from legoworld.evaluation.reconstruction.fscore import match_surfaces
 from legoworld.evaluation.reconstruction.geometry import r_moved
+from legoworld.evaluation.reconstruction.nearest import share_raster
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import Depth, finite_points
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol
@@ -78,7 +79,8 @@ def seen_surface(
         raise NoPictureError("the run made no surface of it")
     depth = load_surface(inputs.run, run_row.surface, reference.raster).depth_z_m
     label = reference.label
-    pairs = on_one_raster(reference.depth_z_m, depth, label, reference.raster)
+    surfaces = share_raster(reference.depth_z_m, depth, label, reference.raster)
+    pairs = match_surfaces(*surfaces)
     tolerance = protocol.headline
     hit = pairs.reference_distance_m <= tolerance.tau_m(pairs.reference_z_m)
     matched = pairs.submitted_distance_m <= tolerance.tau_m(pairs.nearest_z_m)

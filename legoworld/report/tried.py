@@ -67,7 +67,7 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
     wanted = shapes(task, image.image, [image.truths[truth]])
     own = side.entries[entry].category_id
     payload = detection_protocol(task).payload
-    inside = payload.compared(predicted, wanted, [1])[:, 0]
+    inside = payload.compare_shapes(predicted, wanted, [1])[:, 0]
     parts = tuple(
         d
         for d, other in enumerate(side.entries)
@@ -76,8 +76,8 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
     iou = float(side.iou[entry, truth])
     together = iou
     if parts:
-        whole = payload.together([predicted[entry], *(predicted[d] for d in parts)])
-        together = float(payload.compared([whole], wanted, [0])[0, 0])
+        whole = payload.enclose_shapes([predicted[entry], *(predicted[d] for d in parts)])
+        together = float(payload.compare_shapes([whole], wanted, [0])[0, 0])
     return Tried(
         iou=iou,
         given_back=parts,
@@ -124,7 +124,7 @@ def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shifted |
         return None
     moved = [_moved(shape, right, down) for shape in shapes(task, image.image, side.entries)]
     crowd = [int(bool(t.iscrowd)) for t in image.truths]
-    iou = payload.compared(moved, shapes(task, image.image, image.truths), crowd)
+    iou = payload.compare_shapes(moved, shapes(task, image.image, image.truths), crowd)
     found = _covered(iou, same)
     if found - before < _AGREEING:
         return None

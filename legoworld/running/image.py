@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from legoworld.errors import LegoWorldError
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import Protocol
 from legoworld.records.folders.prediction_files import has_its_results
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.records.scene_folder import LabelsFile, ProvenanceFile

@@ -11,8 +11,7 @@ from msgspec.structs import replace
 
 from legoworld.errors import LegoWorldError
 from legoworld.files import Json, as_unicode
-from legoworld.readouts.family import MANY, AnsweredImage
-from legoworld.readouts.protocol import Protocol
+from legoworld.readouts.family import MANY, AnsweredImage, Protocol
 from legoworld.records.base import UNSET
 from legoworld.records.folders.prediction_files import predictions_sha256
 from legoworld.records.predictions import Prediction

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from legoworld.errors import ConfigurationMismatchError, UsageError, cause
 from legoworld.files import atomic_path
-from legoworld.readouts.protocol import load_readout_family
+from legoworld.readouts.family import load_readout_family
 from legoworld.records.base import RecordError, as_json, decode, find_repeated
 from legoworld.records.folders import run_folder
 from legoworld.records.folders.read_run import (

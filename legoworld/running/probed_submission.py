@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from legoworld.conventions import TAKEN_AS_OPAQUE
 from legoworld.files import write_npz
-from legoworld.readouts.box_samples import box_samples
 from legoworld.readouts.probing import (
+    box_samples,
     looks,
     probe_boxes,
     second_stand,

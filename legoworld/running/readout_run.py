@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import UsageError
 from legoworld.files import as_unicode, canonical_json, sha256_of_text
-from legoworld.readouts.protocol import Protocol, load_readout_family
+from legoworld.readouts.family import Protocol, load_readout_family
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.folders.read_run import RUN_SCHEMA
 from legoworld.records.run_file import (

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from legoworld.cards import Card
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
 from legoworld.files import as_unicode, atomic_path, sha256_of_file, sha256_of_text
-from legoworld.readouts.camera_planes import facing_planes
 from legoworld.readouts.family import ReadoutFamily
+from legoworld.readouts.filled_view import facing_planes
 from legoworld.readouts.joints import scene_joints
 from legoworld.readouts.surface import (
     VisibleSurface,

@@ -21,7 +21,7 @@ from legoworld.records.base import RecordError, read_json, to_record
 from legoworld.records.track import PRIVATE_KEYS, ImageInfo
 from legoworld.tasks.registry import require_task
 from legoworld.track_making.family import TrackFamily
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 from legoworld.tracks.vocabulary import categories_in, dataset_version, make_vocabulary
 
 #: The allowed keys of an image. LVIS's lists of verified categories count as annotations.

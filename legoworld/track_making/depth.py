@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.declaration import DECLARATION, read_declaration
-from legoworld.evaluation.depth.integer_units import UNITS, is_unit
-from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.arrays import DECLARATION, read_declaration
+from legoworld.evaluation.depth.labelled import UNITS, is_unit, read_labelled
 from legoworld.evaluation.depth.truth import planar_metres
 from legoworld.evaluation.pixels.labelled import claimed_size, declare
 from legoworld.track_making.eth3d import eth3d_source
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 
 
 def depth_source(_task: str, folder: Path, options: Mapping[str, Any]) -> Source:

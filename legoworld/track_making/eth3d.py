@@ -23,7 +23,7 @@ from legoworld.pluralize import plural
 from legoworld.records.track import ImageInfo, Part
 from legoworld.tasks.shipped import ETH3D
 from legoworld.tracks.colmap import Calibration, CalibrationError, read_calibration
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 
 _VERSION: Final = "training-dslr"
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from legoworld.errors import UsageError
 from legoworld.tasks.registry import find_family
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 
 
 @dataclass(frozen=True, kw_only=True)

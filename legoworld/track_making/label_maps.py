@@ -22,7 +22,7 @@ from legoworld.shipped import catalog
 from legoworld.track_making.annotations import annotation_source
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 from legoworld.tracks.vocabulary import categories_in, dataset_version, make_vocabulary
 
 

@@ -19,8 +19,7 @@ from legoworld.pluralize import in_another_folder
 from legoworld.records.base import UNSET, canonical, readable
 from legoworld.records.track import ImageInfo, MadeTrack, TrackInfo
 from legoworld.track_making.family import load_track_family
-from legoworld.tracks.source import Source
-from legoworld.tracks.track import TrackImage, load_track, photo_names, photo_scene_name
+from legoworld.tracks.track import Source, TrackImage, load_track, photo_names, photo_scene_name
 from legoworld.tracks.vocabulary import find_dataset
 
 T = TypeVar("T")
@@ -198,7 +197,7 @@ def _select_images(
     images: Sequence[ImageInfo], chosen: Sequence[str], name: str
 ) -> list[ImageInfo]:
     """The images with these ids or file names, in the order of the ground truth."""
-    by_name = {key: image for image in images for key in _accepted_names(image)}
+    by_name = {key: image for image in images for key in (str(image.id), *photo_names(image))}
     unknown = [text for text in chosen if text not in by_name]
     if unknown or not chosen:
         meant = in_another_folder(unknown[0], by_name) if unknown else None
@@ -214,11 +213,6 @@ def _select_images(
         )
     ids = {by_name[text].id for text in chosen}
     return [image for image in images if image.id in ids]
-
-
-def _accepted_names(image: ImageInfo) -> list[str]:
-    """The accepted names of an image: its id and its file names."""
-    return [str(image.id), *photo_names(image)]
 
 
 def check_photos(

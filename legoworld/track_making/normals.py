@@ -16,7 +16,7 @@ from legoworld.evaluation.normals.arrays import (
 from legoworld.evaluation.pixels.labelled import claimed_size, declare
 from legoworld.track_making.family import TrackFamily
 from legoworld.track_making.pixel_folders import Arrays, pixel_folder_source
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 
 
 def normals_source(task: str, folder: Path, options: Mapping[str, Any]) -> Source:

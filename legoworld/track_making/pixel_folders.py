@@ -15,8 +15,7 @@ from legoworld.pluralize import plural
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import canonical
 from legoworld.records.track import ImageInfo, Part
-from legoworld.tracks.source import Source
-from legoworld.tracks.track import scene_name
+from legoworld.tracks.track import Source, scene_name
 
 _PHOTO_SUFFIXES: Final = (".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".ppm")
 
@@ -51,7 +50,7 @@ def pixel_folder_source(
     without: list[str] = []
     read: set[str] = set()
     taken: set[Path] = set()
-    for name in _photos_below(photos):
+    for name in sorted(_pictures(photos)):
         stems = arrays.stems(scene_name(name))
         named = [arrays.find(name)] if arrays.find else (files_named(folder / s) for s in stems)
         files = _first(named, but=photos / name)
@@ -109,12 +108,8 @@ def _read_size(path: Path, photo: Path, arrays: Arrays, *, whole: bool) -> tuple
     return size_wh
 
 
-def _photos_below(photos: Path) -> list[str]:
-    """The sorted paths of all pictures below a folder, relative to it."""
-    return sorted(_pictures(photos))
-
-
 def _pictures(photos: Path) -> Iterator[str]:
+    """The paths of all pictures below a folder, relative to it."""
     for folder, below, files in os.walk(photos):
         below[:] = [name for name in below if not name.startswith(".")]
         for name in files:

@@ -13,7 +13,7 @@ from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import canonical
 from legoworld.records.track import ImageInfo
 from legoworld.track_making.family import TrackFamily
-from legoworld.tracks.source import Source
+from legoworld.tracks.track import Source
 
 
 def _source(task: str, path: Path, options: Mapping[str, Any]) -> Source:

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from legoworld.errors import CatalogError, cause, name_on_line
 from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET, RecordError, decode, find_repeated
 from legoworld.records.folders.read_run import describe_other_folder
-from legoworld.records.track import PRIVATE_KEYS, ImageInfo, Probe, Question, TrackFile
+from legoworld.records.track import (
+    PRIVATE_KEYS,
+    CategoryInfo,
+    ImageInfo,
+    Part,
+    Probe,
+    Question,
+    TrackFile,
+)
 from legoworld.remote import Place, folders_holding
 from legoworld.tracks.vocabulary import Vocabulary, find_dataset, make_vocabulary
 
@@ -207,3 +215,22 @@ def _refuse_duplicates(images: list[TrackImage], source: str) -> None:
                 found=f"{attribute} {twice[0]!r}",
                 expected=f"distinct {attribute}s",
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """The public half of a whole dataset.
+
+    name: of the file or folder; version: of the dataset, "custom" for a user's own; sha256: of the
+    files that images and categories were read from; part: the part of the dataset that is present,
+    if known; questions: about the images, where there are any; notices: messages for the user.
+    """
+
+    name: str
+    version: str
+    sha256: str
+    images: tuple[ImageInfo, ...]
+    categories: tuple[CategoryInfo, ...] = ()
+    questions: tuple[Question, ...] = ()
+    part: Part = field(default_factory=Part)
+    notices: tuple[str, ...] = ()

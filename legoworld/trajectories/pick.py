@@ -1,4 +1,4 @@
-"""Choose another submission from a trial's checkpoints, using public data only."""
+"""Choose another submission from a trial's checkpoints or runs, using public data only."""
 
 from __future__ import annotations
 
@@ -15,20 +15,62 @@ from legoworld.endpoint.finalisation import export_submission
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError, cause
 from legoworld.files import write_text
 from legoworld.plugin.acceptance import clearly_closest
-from legoworld.plugin.evidence import read_evidence
+from legoworld.plugin.evidence import EVIDENCE, read_evidence
 from legoworld.plugin.measure import measure
+from legoworld.plugin.region_fit import region_fit
 from legoworld.plugin.state import read_live
 from legoworld.records.base import Record, RecordError, decode, readable
 from legoworld.records.endpoint import Checkpoint
 from legoworld.records.plugin_requirements import Report, Requirement
 from legoworld.running.freeze_run import freeze_scene
 from legoworld.scene.blender_process import BlenderProcess, Limits
-from legoworld.scene.folder import PROVENANCE, SceneFolder
-from legoworld.trajectories.best_run import Fit, best_run
-from legoworld.trajectories.folder import RECONSTRUCTION, TRAJECTORY, RecordedTrial, recorded_trials
+from legoworld.scene.folder import BLEND, PROVENANCE, SceneFolder
+from legoworld.trajectories.folder import (
+    RECONSTRUCTION,
+    TRAJECTORY,
+    TRIAL,
+    RecordedTrial,
+    recorded_trials,
+)
 from legoworld.workers.protections import Protections
 from legoworld.workers.sandbox import SandboxLimits
 from legoworld.workers.scratch import scratch_folder
+
+#: Of a trial with the plugin: what it measured against.
+_OWN_EVIDENCE: Final = f"{TRIAL}/plugin/evidence"
+#: By region, its IoU with the object that is matched to it.
+Fit = dict[str, float]
+
+
+def best_run(
+    runs: Sequence[RecordedTrial],
+    evidence: Path | None,
+    blender: BlenderProcess,
+    notice: Callable[[str], None],
+) -> tuple[RecordedTrial, list[Fit]]:
+    """The run whose submission has the largest mean IoU, of equals the first; each run's fit.
+
+    evidence: a folder of evidence.json, None for the runs' own. What shows nothing fits nowhere.
+    UsageError without regions.
+    """
+    known = read_evidence(evidence or runs[0].folder / _OWN_EVIDENCE)
+    if not known.file.regions:
+        raise UsageError(
+            f"there is nothing to choose {runs[0].about.scene} by",
+            found=f"no regions in its {EVIDENCE}",
+            expected="the photo's regions",
+            next_step="make them with `legoworld plugin evidence --regions`",
+        )
+    fits: list[Fit] = []
+    for run in runs:
+        try:
+            fits.append(region_fit(read_live(run.folder / BLEND, blender), known))
+        except LegoWorldError as error:
+            notice(f"{run.folder.name} of {run.folder.parent.name}: {error}")
+            fits.append({})
+    best = max(range(len(runs)), key=lambda k: sum(fits[k].values()))
+    return runs[best], fits
+
 
 By = Literal["last", "residuals", "regions"]
 PICKED: Final = "picked.json"

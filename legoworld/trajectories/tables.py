@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
+from legoworld.evaluation.bootstrap import draw_groups, interval
 from legoworld.records.trajectories import (
     AXES,
     CAUSES,
@@ -23,7 +23,7 @@ SHARES: Final = tuple(n / 20 for n in range(21))
 Value = Callable[[TrajectoryScore], float | None]
 
 
-def _of_cause(cause: str) -> Value:
+def _cause_regret(cause: str) -> Value:
     return lambda trial: trial.regret_split[cause]
 
 
@@ -40,7 +40,7 @@ MEASURES: Final[dict[str, Value]] = {
     "first_calls_share": lambda t: t.first.calls_share if t.first else None,
     "first_tokens_share": lambda t: t.first.tokens_share if t.first else None,
     "picked_q": lambda t: t.picked_q,
-    **{f"regret_{cause}": _of_cause(cause) for cause in CAUSES},
+    **{f"regret_{cause}": _cause_regret(cause) for cause in CAUSES},
 }
 
 
@@ -92,12 +92,9 @@ def mean_over_families(
     of_family = [(t.family, v) for t in trials if (v := value(t)) is not None]
     if not of_family:
         return Mean(value=None, n=0, interval=None)
-    families = sorted({family for family, _ in of_family})
-    column = {family: n for n, family in enumerate(families)}
+    families = [family for family, _ in of_family]
     values = np.array([v for _, v in of_family], np.float64)
-    of = np.array([column[family] for family, _ in of_family], np.int64)
-    counts = resample_counts(len(families), draws, seed)
-    samples = resampled_means(values, of, counts)
+    samples = draw_groups(families, draws, seed).means(values, families)
     return Mean(
         value=float(np.mean(values)), n=len(values), interval=interval(samples, unit="family")
     )

@@ -1,12 +1,13 @@
 """Transcripts of agents as one format, ATIF: nothing that a transcript says is lost but pictures.
 
-What ATIF has no field for goes into `extra`. A line that is not JSON (a killed agent's last one, a
-notice on standard output) is a step of its own with the line as it is.
+The parts of a trial that was continued are one trajectory. What ATIF has no field for goes into
+`extra`. A line that is not JSON (a killed agent's last one, a notice on standard output) is a step
+of its own with the line as it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,10 +24,8 @@ from legoworld.records.atif import (
 )
 from legoworld.records.base import UNSET, RecordError, UnsetType, decode
 from legoworld.trajectories.claude_lines import claude_steps
-from legoworld.trajectories.codex_lines import codex_steps
-from legoworld.trajectories.event_lines import gemini_steps, opencode_steps
-from legoworld.trajectories.pictures import without_pictures
-from legoworld.trajectories.steps import ParsedStep, ParsedTranscript
+from legoworld.trajectories.event_lines import codex_steps, gemini_steps, opencode_steps
+from legoworld.trajectories.steps import ParsedStep, ParsedTranscript, without_pictures
 
 _LINES: Final[Mapping[str, Callable[[list[Any]], ParsedTranscript]]] = {
     "codex": codex_steps,
@@ -126,3 +125,34 @@ def _number_steps(trajectory: AtifTrajectory) -> AtifTrajectory:
         replace(step, step_id=number) for number, step in enumerate(trajectory.steps, start=1)
     ]
     return replace(trajectory, steps=steps)
+
+
+def join_trajectories(parts: Sequence[AtifTrajectory]) -> AtifTrajectory:
+    """Concatenate the parts' steps; each later part follows a step that announces it.
+
+    Totals are present only if every part reports them: a killed part may not, and its tokens are
+    not estimated.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    steps: list[AtifStep] = []
+    for number, part in enumerate(parts, start=1):
+        if number > 1:
+            said = f"The run was killed; here its part {number} begins."
+            steps.append(AtifStep(step_id=0, source="system", message=said))
+        steps += part.steps
+    steps = [replace(step, step_id=number) for number, step in enumerate(steps, start=1)]
+    used = [total_usage(part) for part in parts]
+
+    def total(name: str) -> Any:
+        values = [getattr(usage, name) for usage in used]
+        return UNSET if None in values else sum(values)
+
+    metrics = AtifFinalMetrics(
+        total_prompt_tokens=total("prompt_tokens"),
+        total_cached_tokens=total("cached_tokens"),
+        total_completion_tokens=total("completion_tokens"),
+        total_cost_usd=total("cost_usd"),
+        total_steps=len(steps),
+    )
+    return replace(parts[-1], steps=steps, final_metrics=metrics)

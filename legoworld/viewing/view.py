@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.api.arguments import check_arguments, optional_path
-from legoworld.bench.http_options import require_http
+from legoworld.bench.admission import require_http
 from legoworld.errors import UsageError
 from legoworld.workers.scratch import scratch_folder
 

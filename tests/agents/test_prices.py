@@ -19,8 +19,7 @@ from legoworld.errors import CatalogError
 from legoworld.records.agents import ApiRequest, TranscriptFormat, Usage
 from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import canonical, decode
-from legoworld.trajectories.join_parts import join_trajectories
-from legoworld.trajectories.transcripts import read_transcript, total_usage
+from legoworld.trajectories.transcripts import join_trajectories, read_transcript, total_usage
 
 TRANSCRIPTS = Path(__file__).parents[1] / "trajectories" / "transcripts"
 CARD = """title = "of this test"

@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 
 from legoworld.agents.scene_content import content_sentence, scene_content
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.agents import SceneContent
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.folder import SceneFolder

@@ -12,9 +12,8 @@ from agents.tracks import make_track
 from legoworld.agents.workspaces import load_trial_setup, make_workspace, plan_workspace
 from legoworld.errors import UsageError
 from legoworld.plugin.modules import MODULES
-from legoworld.readouts.instructions import instructions
-from legoworld.readouts.instructions_text import instructions_text
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
+from legoworld.readouts.instructions import instructions, instructions_text
 
 
 def track_of(folder, *, task="bench", **entry):

@@ -25,7 +25,7 @@ from legoworld.baselines.confinement import confine_baseline
 from legoworld.baselines.conversation import BaselineRefusedError, Conversation
 from legoworld.baselines.request import BaselineRequest, build_configuration
 from legoworld.files import canonical_json, readable_json
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import as_json, canonical, readable
 from legoworld.records.baseline_messages import Message
 from legoworld.tracks.track import load_track

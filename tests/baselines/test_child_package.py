@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 
 from legoworld.baselines.labels import OLD_NAMES, label_map
-from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.arrays import Declaration
 from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.shipped import catalog
 from legoworld.tracks.vocabulary import from_json
 

@@ -15,7 +15,7 @@ from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth import depth_source
 from legoworld.baselines.depth_folder import planar_from_ray_distance
 from legoworld.baselines.pixel_import import import_pixels
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.tracks.track import load_track
 
 NAMES = ["hall/images/dslr_images/A.JPG", "hall/images/dslr_images/B.JPG"]

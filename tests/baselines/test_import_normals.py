@@ -11,7 +11,7 @@ import pytest
 from evaluation.normals.folders import wall, write_truth
 
 from legoworld import cli
-from legoworld.evaluation.normals.angles import SHARES
+from legoworld.evaluation.normals.protocol import SHARES
 
 NAMES = ("kitchen/a.png", "kitchen/b.png")
 SIZE = (8, 6)

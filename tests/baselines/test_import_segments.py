@@ -12,7 +12,7 @@ from pycocotools import mask as coco_mask
 from legoworld.baselines import panoptic, semantic
 from legoworld.baselines.records import AnswerRules, answered_record
 from legoworld.evaluation.label_maps.png import read_ids, read_values
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.baseline_messages import Message
 from legoworld.records.run_file import ImageSource
 from legoworld.tracks.track import TrackImage

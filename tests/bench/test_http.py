@@ -16,8 +16,8 @@ from waiting import PATIENCE_S, until
 
 from legoworld.bench import http_server as serving
 from legoworld.bench import server as processes
+from legoworld.bench.admission import HttpOptions, access_token
 from legoworld.bench.http_app import ScoreApp
-from legoworld.bench.http_options import HttpOptions, access_token
 from legoworld.bench.http_server import http_server, listening
 from legoworld.bench.score_worker import no_score
 from legoworld.bench.server import ScoreServer

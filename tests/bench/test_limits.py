@@ -18,12 +18,11 @@ import pytest
 from starlette.requests import Request
 
 from legoworld.bench import archive, http_app, http_server, score_worker
-from legoworld.bench.admission import Counts
+from legoworld.bench.admission import Counts, HttpOptions
 from legoworld.bench.archive import ArchiveError, UnpackLimits, unpack
 from legoworld.bench.harbor import HarborOptions, instruction
 from legoworld.bench.harbor import _task_toml as task_toml
 from legoworld.bench.hidden import hidden_things
-from legoworld.bench.http_options import HttpOptions
 from legoworld.bench.procedural import PACKS, DrawRequest, draw_scenes
 from legoworld.bench.reward import bench_reward
 from legoworld.errors import NotAssessedError, UsageError

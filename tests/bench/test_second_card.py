@@ -16,7 +16,7 @@ import legoworld
 from legoworld import cli
 from legoworld.agents.workspaces import load_trial_setup
 from legoworld.errors import UsageError
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
+from legoworld.evaluation.reconstruction.dataset import BenchTruthError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import canonical, decode
 from legoworld.records.second_card import BenchXFile

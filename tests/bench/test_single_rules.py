@@ -16,9 +16,8 @@ from scene.by_hand import CAMERA, RENDER
 from legoworld.bench import case as case_module
 from legoworld.bench import dataset, family
 from legoworld.bench.admission import Admission
-from legoworld.bench.case import CaseRefusedError, public_hfov_deg, reference_joints
+from legoworld.bench.case import CaseRefusedError, noise_floor, public_hfov_deg, reference_joints
 from legoworld.bench.family import MadeCase, MadeFamily, MakeOptions
-from legoworld.bench.noise import noise_floor
 from legoworld.cards import load_card
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_text

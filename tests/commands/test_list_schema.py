@@ -15,8 +15,8 @@ import pytest
 from legoworld import cli
 from legoworld.errors import CatalogError
 from legoworld.files import sha256_of_file
+from legoworld.readouts.family import protocol
 from legoworld.readouts.instructions import accepted_synonyms, instructions
-from legoworld.readouts.protocol import protocol
 from legoworld.shipped import catalog
 from legoworld.tasks.shipped import TASKS as SHIPPED
 from legoworld.tracks.vocabulary import Category, Vocabulary, find_dataset

@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 from comparison.evaluations import depth_scene_and_baseline
-from evaluation.reconstruction.datasets import Submission, write_dataset, write_run
+from evaluation.reconstruction.datasets import Submission, evaluate_bench, write_dataset, write_run
 
 from legoworld import cli
 from legoworld.comparison.compatibility import IncomparableError
@@ -23,8 +23,6 @@ from legoworld.comparison.leaderboard import (
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import ConfigurationMismatchError, UsageError
-from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.means import mean_and_sd
 from legoworld.records.evidence import ComparisonSettings
 from legoworld.tables.files import comma_separated, markdown
@@ -123,7 +121,7 @@ def test_other_datasets_and_samplings_are_not_compared(made, tmp_path):
     with pytest.raises(IncomparableError, match="truth"):
         make_comparison([folders["a1"], tmp_path / "o"], tmp_path / "c", SETTINGS)
     evaluate_bench(root / "run-a1", dataset.private, tmp_path / "all", draws=10,
-                   choices=Choices(sampling="all"))  # fmt: skip
+                   options={"reference_sampling": "all"})  # fmt: skip
     with pytest.raises(IncomparableError, match="reference sampling raster and all"):
         make_comparison([folders["a1"], tmp_path / "all"], tmp_path / "c", SETTINGS)
 

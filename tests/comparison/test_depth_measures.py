@@ -10,11 +10,10 @@ import pytest
 from legoworld.comparison.depth import COMPARED
 from legoworld.comparison.measures import EVERYTHING, HEADLINE, TABLE
 from legoworld.comparison.pixels import (
-    GroupDraws,
     list_pixel_metrics,
     measure_pixels,
-    shared_group_draws,
 )
+from legoworld.evaluation.bootstrap import draw_groups
 from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.pixels.family import metric_policies
 from legoworld.evaluation.pixels.summary import resampling_unit
@@ -59,11 +58,12 @@ def test_scenes_are_resampled_only_where_every_photo_is_of_one(names, unit):
     assert resampling_unit(rows) == unit
 
 
-def test_one_group_has_no_draws():
-    assert shared_group_draws(rows_of("a", "a"), 10, 0) == GroupDraws(counts=None, column={"a": 0})
-    two = shared_group_draws(rows_of("b", "a"), 10, 0)
+def test_one_group_shows_no_spread():
+    assert not draw_groups(["a", "a"], 10, 0).spread
+    assert not draw_groups([], 10, 0).spread
+    two = draw_groups(["b", "a"], 10, 0)
+    assert two.spread
     assert two.column == {"a": 0, "b": 1}
-    assert two.counts is not None
     assert two.counts.shape == (10, 2)
     assert (two.counts.sum(axis=1) == 2).all()
 
@@ -80,7 +80,7 @@ def test_a_side_without_a_scored_image_has_no_mean_and_no_samples():
         Empty(),
         "scored",
         (),
-        shared_group_draws(rows_of("a", "b"), 10, 0),
+        draw_groups(["a", "b"], 10, 0),
     )
     assert {f"{name}.{policy}" for name, policy in metric_policies(PIXELS.metrics)} == set(measures)
     for measure in measures.values():

@@ -17,8 +17,7 @@ from comparison.evaluations import (
 from evaluation.detection_runs import random_predictions, random_truth
 
 from legoworld import cli
-from legoworld.comparison.joined_comparison import _common_images
-from legoworld.comparison.make_comparison import join_folders
+from legoworld.comparison.make_comparison import _common_images, join_folders
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import LegoWorldError, UsageError
 

@@ -19,7 +19,7 @@ from comparison.evaluations import (
 )
 from evaluation.detection_runs import random_predictions, random_truth
 
-from legoworld.comparison.sides import read_sides
+from legoworld.comparison.compatibility import read_sides
 from legoworld.comparison.verification import verify_comparison
 from legoworld.evaluation.bootstrap import resample_counts
 from legoworld.evaluation.detection.matching.matches_file import table_from

@@ -17,8 +17,8 @@ from comparison.evaluations import (
 from evaluation.detection_runs import checked, random_truth, read_rows
 from evaluation.official import official_with_ids
 
+from legoworld.comparison.compatibility import read_sides
 from legoworld.comparison.detections import detection_metrics, restrict_counts, restrict_table
-from legoworld.comparison.sides import read_sides
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts, resampled_means
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.predictions import with_equal_confidence

@@ -22,8 +22,7 @@ from evaluation.depth.folders import COURTYARD, evaluate_depth, write_arrays, wr
 from evaluation.depth.folders import write_run as write_depth_run
 from evaluation.detection_runs import random_predictions, random_truth
 
-from legoworld.comparison.compatibility import IncomparableError, _short
-from legoworld.comparison.sides import distinct_names
+from legoworld.comparison.compatibility import IncomparableError, _short, distinct_names
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.stored import EvaluationChangedError
 from legoworld.records.base import UNSET

@@ -6,13 +6,12 @@ import json
 
 import numpy as np
 import pytest
-from evaluation.reconstruction.datasets import Submission, write_dataset, write_run
+from evaluation.reconstruction.datasets import Submission, evaluate_bench, write_dataset, write_run
 
 from legoworld import cli
 from legoworld.api.bench import bench_table
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.standings import STANDARD, _cost, _on_frontier
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.records.agents import Usage
 from legoworld.records.evidence import ComparisonSettings
 

@@ -13,10 +13,8 @@ import pytest
 
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.read_depth import read_pfm, read_picture, read_raw_float32
-from legoworld.evaluation.depth.arrays import DepthTruthError
-from legoworld.evaluation.depth.declaration import Declaration, read_declaration
-from legoworld.evaluation.depth.integer_units import metres
-from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.arrays import Declaration, DepthTruthError, read_declaration
+from legoworld.evaluation.depth.labelled import metres, read_labelled
 from legoworld.evaluation.depth.truth import planar_metres
 
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)

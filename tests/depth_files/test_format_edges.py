@@ -12,10 +12,15 @@ import pytest
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX, check_claim, picture_shape, tiff_claim
 from legoworld.depth_files.read_depth import files_named, read_pfm, read_picture
-from legoworld.evaluation.depth.arrays import DepthArray, DepthTruthError, in_range
-from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
-from legoworld.evaluation.depth.integer_units import is_unit, metres, per_metre
-from legoworld.evaluation.depth.labelled import read_labelled
+from legoworld.evaluation.depth.arrays import (
+    DECLARATION,
+    Declaration,
+    DepthArray,
+    DepthTruthError,
+    in_range,
+    read_declaration,
+)
+from legoworld.evaluation.depth.labelled import is_unit, metres, per_metre, read_labelled
 from legoworld.evaluation.pixels.labelled import claimed_size, declare
 
 DEPTH = np.random.default_rng(0).uniform(0.5, 60, (5, 7)).astype(np.float32)

@@ -21,8 +21,7 @@ from legoworld.depth_files import read_depth
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import MOST_PX
 from legoworld.depth_files.read_depth import npz_arrays
-from legoworld.evaluation.depth.arrays import DepthTruthError
-from legoworld.evaluation.depth.declaration import Declaration, read_declaration
+from legoworld.evaluation.depth.arrays import Declaration, DepthTruthError, read_declaration
 from legoworld.evaluation.depth.labelled import read_labelled
 
 IN_METRES = Declaration(space="depth", unit="m/256")

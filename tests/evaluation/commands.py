@@ -13,8 +13,8 @@ from evaluation.detection_runs import random_predictions, random_truth, write_ru
 
 from legoworld import cli
 
-CHUNK = "legoworld.evaluation.detection.matching.chunks._CHUNK_DETECTIONS"
-FEW = "legoworld.evaluation.detection.matching.chunks._FEW"
+CHUNK = "legoworld.evaluation.detection.matching.matches._CHUNK_DETECTIONS"
+FEW = "legoworld.evaluation.detection.matching.matches._FEW"
 
 
 def made(folder: Path, task: str) -> tuple[Path, Path]:

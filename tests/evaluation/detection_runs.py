@@ -177,7 +177,7 @@ def checked(folder: Path, task: str, truth: Document, predictions: Sequence[Any]
     """(protocol, truth, predictions) as scoring sees them."""
     protocol = detection_protocol(task)
     run = read_run(write_run(folder / "run", task, truth, predictions, **options))
-    read = read_truth(write_truth(folder / "truth.json", truth), run, protocol)
+    read = read_truth(write_truth(folder / "truth.json", truth), protocol, run)
     batches = [as_predictions(predictions, prediction_type(protocol))]
     return protocol, read, check_predictions(batches, run=run, truth=read, protocol=protocol)
 

@@ -7,8 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from legoworld.evaluation.detection.matching.chunks import Chunk
-from legoworld.evaluation.detection.matching.compiled_matching import pair_chunk
+from legoworld.evaluation.detection.matching.matches import Chunk, pair_chunk
 from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.payload import Overlaps
 from legoworld.evaluation.detection.problem import Detections, TrueInstances

@@ -67,19 +67,21 @@ def test_inputs_are_named_by_where_they_really_are(tmp_path):
 
 
 def test_a_password_in_a_url_is_not_written_down(tmp_path):
-    from legoworld.evaluation.prepare_inputs import Origins, prepared_inputs
+    from legoworld.evaluation.family import EvaluationRequest, Origins, prepare_inputs
     from legoworld.records.detection import DetectionConfiguration
 
     (tmp_path / "run.json").write_text("{}")
-    (recorded,) = prepared_inputs(
-        tmp_path / "eval",
+    request = EvaluationRequest(
+        run=tmp_path, truth=tmp_path, output=tmp_path / "eval", draws=1,
+        origins=Origins(run_url="ftp://me:secret@host/run/"),
+    )  # fmt: skip
+    (recorded,) = prepare_inputs(
+        request,
+        tmp_path,
         [("run", tmp_path / "run.json")],
         DetectionConfiguration(
             task="coco", evaluator="official", draws=1, seed=0, card_sha256="0" * 64
         ),
-        run=tmp_path,
-        origins=Origins(run_url="ftp://me:secret@host/run/"),
-        overwrite=False,
     )
     assert recorded.recorded == "ftp://host/run/run.json"
 

@@ -76,10 +76,9 @@ def test_the_first_of_several_broken_depth_truths_is_named(workers, tmp_path, mo
 SLOW = """
 import sys
 from legoworld import cli
-from legoworld.evaluation.detection.matching import chunks
 from legoworld.evaluation.detection.matching import matches
 from evaluation.commands import slow_chunk
-chunks._CHUNK_DETECTIONS, chunks._FEW = 5, 1
+matches._CHUNK_DETECTIONS, matches._FEW = 5, 1
 matches.match_chunk = slow_chunk
 sys.exit(cli.run(sys.argv[1:]))
 """

@@ -21,8 +21,8 @@ from legoworld.evaluation.detection.inputs.masks import measure_masks
 from legoworld.plugin.evidence import EvidenceInvalidError, read_evidence
 from legoworld.plugin.evidence_runs import depth_file
 from legoworld.plugin.make_evidence import UserEvidence, make_evidence
+from legoworld.readouts.family import protocol
 from legoworld.readouts.masks import covered_px
-from legoworld.readouts.protocol import protocol
 
 W, H = 64, 48
 SQUARE = [[10, 10], [30, 10], [30, 26], [10, 26]]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from readouts.cubes import seen
 
-from legoworld.readouts.box_samples import FEWEST_POINTS, MOST_POINTS, Box, box_samples
+from legoworld.readouts.probing import FEWEST_POINTS, MOST_POINTS, Box, box_samples
 
 
 def box(low, high, spacing=0.05):

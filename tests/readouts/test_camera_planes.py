@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from readouts.quads import BUMP, SQUARE, at, quads, turned
 
-from legoworld.readouts.camera_planes import facing_planes
+from legoworld.readouts.filled_view import facing_planes
 from legoworld.readouts.surface import visible_surface
 
 SIZE, HFOV = (640, 480), 53.13010235415598

@@ -16,7 +16,7 @@ from strategies import id_pictures
 from legoworld.cards import load_card
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.arrays import Declaration
 from legoworld.evaluation.depth.labelled import read_labelled
 from legoworld.readouts.depth import (
     DEPTH_FILE,
@@ -26,8 +26,7 @@ from legoworld.readouts.exports import (
     box_exports,
     mask_exports,
 )
-from legoworld.readouts.family import AnsweredImage
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import AnsweredImage, protocol
 from legoworld.records.base import as_json, canonical
 from legoworld.scene.instances import Instance
 from legoworld.tasks.shipped import TASKS

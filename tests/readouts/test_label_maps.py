@@ -15,15 +15,17 @@ from strategies import id_pictures
 from legoworld.errors import UsageError
 from legoworld.evaluation.label_maps.png import read_ids, read_values
 from legoworld.readouts import panoptic, semantic
-from legoworld.readouts.family import AnsweredImage
-from legoworld.readouts.label_maps import NO_CLASS, VOID, category_map, segment_map
-from legoworld.readouts.map_pictures import (
+from legoworld.readouts.family import AnsweredImage, protocol
+from legoworld.readouts.label_maps import (
+    NO_CLASS,
+    VOID,
     category_color,
+    category_map,
     category_picture,
     picture_categories,
+    segment_map,
     segment_picture,
 )
-from legoworld.readouts.protocol import protocol
 from legoworld.records.run_rows import RunRow
 from legoworld.scene.instances import Instance
 

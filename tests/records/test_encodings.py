@@ -13,7 +13,7 @@ import pytest
 from legoworld import cli
 from legoworld.baselines.results_file import read_results
 from legoworld.errors import CatalogError, LegoWorldError
-from legoworld.evaluation.depth.declaration import read_declaration
+from legoworld.evaluation.depth.arrays import read_declaration
 from legoworld.files import EncodingError, utf8_text
 from legoworld.records.base import (
     Record,

@@ -10,13 +10,13 @@ from evaluation.reconstruction.datasets import (
     VALID,
     Dataset,
     Submission,
+    evaluate_bench,
     write_dataset,
     write_run,
 )
 from msgspec.structs import replace
 from report.pages import HOSTILE
 
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.records.submission import Check
 
 EMPTY = Check(ok=False, found=f"empty {HOSTILE}", expected="a mesh", next_step="export it again")

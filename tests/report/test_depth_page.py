@@ -11,7 +11,7 @@ import pytest
 from evaluation.depth.folders import evaluate_depth, plane, write_arrays, write_run
 from report.pages import Tables, document_of, page_of
 
-from legoworld.evaluation.pixels.view import decode_array
+from legoworld.evaluation.pixels.resampling import decode_array
 from legoworld.records import base as record
 from legoworld.records.evaluation_view import DepthView
 from legoworld.report.depth_images import NO_DEPTH, depth_view, encode_depth

@@ -11,7 +11,7 @@ from evaluation.normals.folders import evaluate, wall, write_run, write_truth
 from report.chromium import browser
 from report.pages import Tables, document_of, page_of
 
-from legoworld.evaluation.pixels.view import decode_array
+from legoworld.evaluation.pixels.resampling import decode_array
 from legoworld.records import base as record
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.report.normals_images import NO_ERROR, normals_drawing

@@ -15,7 +15,7 @@ from running.run_folders import results, tree
 import legoworld
 from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, UsageError, WorkerCrashedError
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.running import scene_pass, scene_views, shared_scene
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.scene_pass import OutputFullError

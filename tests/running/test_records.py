@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.run_file import ImageRecord, ImageSource
 from legoworld.records.run_rows import DepthFile, RunRow
 from legoworld.running.image import check_arrived

@@ -19,7 +19,7 @@ import legoworld
 from legoworld import cli
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.files import canonical_json
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.shipped import catalog
 
 IMAGES = [(30, "rich"), (2, "plain"), (11, "broken"), (7, "absent"), (5, "wide")]

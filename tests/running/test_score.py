@@ -28,7 +28,7 @@ bpy.context.object["category"] = "cat"
 
 def write_truth(path: Path) -> Path:
     """Two photos; the first holds the plane of the program, and a dog it does not have."""
-    from legoworld.readouts.protocol import protocol
+    from legoworld.readouts.family import protocol
 
     categories = protocol("coco", None).vocabulary.categories
     cat, dog = ({"category_id": n, "iscrowd": 0} for n in (17, 18))

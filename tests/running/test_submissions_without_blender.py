@@ -22,7 +22,7 @@ from legoworld.errors import (
     UnsupportedCameraError,
     WorkerCrashedError,
 )
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.run_rows import RunRow
 from legoworld.records.submission import Check, Validity
 from legoworld.running.image_record import ImageOptions

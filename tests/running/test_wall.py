@@ -18,7 +18,7 @@ from scene.gltf.scenes import NoBlender, scene_at
 from legoworld import cli
 from legoworld.errors import KernelBuildError, LegoWorldError
 from legoworld.files import as_unicode, atomic_path, canonical_json
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import canonical
 from legoworld.records.run_file import ImageRecord
 from legoworld.records.run_rows import Unmatched

@@ -12,7 +12,7 @@ import pytest
 from scene.snapshots import build, snapshot_of
 
 from legoworld.errors import LegoWorldError
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import canonical
 from legoworld.running.image import read_image
 from legoworld.running.image_record import ImageOptions

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from scene.snapshots import snapshot_of
 
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.running.image import read_image, still_valid
 from legoworld.running.image_record import ImageOptions
 from legoworld.running.shared_scene import HashedScene

@@ -15,7 +15,7 @@ from scene.gltf.scenes import NoBlender
 
 from legoworld.errors import LabelsInvalidError, SceneInvalidError, SideFileInvalidError
 from legoworld.files import readable_json
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.records.base import canonical
 from legoworld.records.run_file import ImageRecord
 from legoworld.running.image import read_image, still_valid

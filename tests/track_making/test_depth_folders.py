@@ -19,7 +19,7 @@ from legoworld.errors import CatalogError, UsageError
 from legoworld.records.base import canonical
 from legoworld.shipped import catalog
 from legoworld.track_making.make_track import make_track
-from legoworld.track_making.pixel_folders import _photos_below
+from legoworld.track_making.pixel_folders import _pictures
 from legoworld.tracks.track import load_track
 
 Track = dict[str, Any]
@@ -315,7 +315,7 @@ def test_hidden_pictures_are_no_photos(tmp_path: Path) -> None:
     for name in ("b.png", "a/c.JPG", ".hidden.png", ".cache/d.png", "e.txt", "f.png.bak", "g..png"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    assert _photos_below(tmp_path) == ["a/c.JPG", "b.png", "g..png"]
+    assert sorted(_pictures(tmp_path)) == ["a/c.JPG", "b.png", "g..png"]
 
 
 @pytest.mark.parametrize(
@@ -325,4 +325,4 @@ def test_photos_of_every_format_are_found_and_nothing_else(tmp_path: Path, endin
     (tmp_path / "a").mkdir()
     for name in (f"a/1{ending}", f"2{ending}", "notes.txt", "a/depth.npy", "jpg"):
         (tmp_path / name).touch()
-    assert sorted(_photos_below(tmp_path)) == [f"2{ending}", f"a/1{ending}"]
+    assert sorted(_pictures(tmp_path)) == [f"2{ending}", f"a/1{ending}"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from legoworld.errors import CatalogError
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.shipped.catalog import folder
 from legoworld.tracks.vocabulary import from_json, load
 

@@ -16,8 +16,8 @@ from trajectories.requirement_reports import WANTED, report
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
 from legoworld.files import write_text
 from legoworld.records.base import canonical, decode
-from legoworld.trajectories import best_run, score_checkpoints
 from legoworld.trajectories import pick as picking
+from legoworld.trajectories import score_checkpoints
 from legoworld.trajectories.folder import read_trial
 from legoworld.trajectories.page import final_scores, write_page
 from legoworld.trajectories.pick import Pick, PickPlan, pick, saved_regret
@@ -369,9 +369,9 @@ def three_runs(tmp_path, monkeypatch, blenders):
     regions = ["a", "b"]
     asked = []
     known = SimpleNamespace(file=SimpleNamespace(regions=regions))
-    monkeypatch.setattr(best_run, "read_live", read)
-    monkeypatch.setattr(best_run, "read_evidence", lambda path: asked.append(path) or known)
-    monkeypatch.setattr(best_run, "region_fit", lambda scene, _: fits[scene])
+    monkeypatch.setattr(picking, "read_live", read)
+    monkeypatch.setattr(picking, "read_evidence", lambda path: asked.append(path) or known)
+    monkeypatch.setattr(picking, "region_fit", lambda scene, _: fits[scene])
     return SimpleNamespace(scenes=tmp_path / "scenes", fits=fits, regions=regions, asked=asked)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from legoworld.records.atif import AtifAgent, AtifFinalMetrics, AtifStep, AtifTrajectory
-from legoworld.trajectories.join_parts import join_trajectories
+from legoworld.trajectories.transcripts import join_trajectories
 
 
 def part(*messages, **totals):

@@ -8,8 +8,7 @@ import pytest
 
 from legoworld.records.base import as_json
 from legoworld.trajectories.claude_lines import claude_steps
-from legoworld.trajectories.codex_lines import codex_steps
-from legoworld.trajectories.event_lines import gemini_steps, opencode_steps
+from legoworld.trajectories.event_lines import codex_steps, gemini_steps, opencode_steps
 from legoworld.trajectories.steps import ParsedStep, ParsedTranscript, parse_arguments
 
 USAGE = {

@@ -10,7 +10,7 @@ import pytest
 
 from legoworld.records.atif import AtifTrajectory
 from legoworld.records.base import UNSET, canonical, decode
-from legoworld.trajectories.pictures import PICTURES, without_pictures
+from legoworld.trajectories.steps import PICTURES, without_pictures
 from legoworld.trajectories.transcripts import read_transcript, total_usage
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(range(256))

@@ -1,8 +1,9 @@
-"""Depth as a family of evaluations: what its arrays are, and how they are measured."""
+"""Depth as a family of evaluations: its arrays, how they are measured, and what is printed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final, cast
 
@@ -10,8 +11,13 @@ from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
-from legoworld.evaluation.depth.arrays import ERRORS, DepthArray, DepthTruthError, checked_array
-from legoworld.evaluation.depth.declaration import DECLARATION
+from legoworld.evaluation.depth.arrays import (
+    DECLARATION,
+    ERRORS,
+    DepthArray,
+    DepthTruthError,
+    checked_array,
+)
 from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.labelled import read_prediction
 from legoworld.evaluation.depth.protocol import (
@@ -23,10 +29,18 @@ from legoworld.evaluation.depth.protocol import (
 )
 from legoworld.evaluation.depth.rows import measure_depth
 from legoworld.evaluation.depth.scoring import valid_truth
-from legoworld.evaluation.depth.text import depth_metrics, depth_notes, short_depth
 from legoworld.evaluation.depth.truth import DepthTruthFile, find_truth, load_truth, make_truth
 from legoworld.evaluation.family import EvaluationFamily
-from legoworld.evaluation.pixels.evaluate import evaluate_pixels
+from legoworld.evaluation.metrics import (
+    MetricPart,
+    bounds,
+    describe_evaluator,
+    fraction,
+    image_counts,
+    metric_parts,
+    number_cell,
+)
+from legoworld.evaluation.pixels.evaluate import evaluate_pixels, verify_pixels
 from legoworld.evaluation.pixels.family import (
     Options,
     PixelFamily,
@@ -35,9 +49,15 @@ from legoworld.evaluation.pixels.family import (
     Settings,
 )
 from legoworld.evaluation.pixels.live import live_pixels
-from legoworld.evaluation.pixels.predictions import PixelRun
-from legoworld.evaluation.pixels.summary import mean, means
-from legoworld.evaluation.pixels.verification import verify_pixels
+from legoworld.evaluation.pixels.rows import PixelRun
+from legoworld.evaluation.pixels.summary import (
+    attempted_rows,
+    list_few_unscored,
+    list_unscored,
+    mean,
+    means,
+)
+from legoworld.pluralize import plural
 from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.depth import (
@@ -53,6 +73,77 @@ from legoworld.records.depth import (
 )
 from legoworld.records.evaluation_summary import Coverage
 from legoworld.tasks.shipped import DEPTH
+
+
+def short_depth(summary: DepthSummary) -> str:
+    """AbsRel and delta1 under each hole policy with denominators, and the unscored images."""
+    lines = [
+        f"{describe_evaluator(summary)}, camera model {summary.protocol.camera_model}: "
+        f"{image_counts(summary.coverage)}{_eth3d_note(summary.coverage)}"
+    ]
+    for metric in ("abs_rel", "delta1"):
+        by_policy = summary.metrics.get(metric, {})
+        shown = (
+            f"{policy} {fraction(value)}{bounds(summary.intervals[metric][policy])}"
+            for policy, value in by_policy.items()
+        )
+        lines.append(f"{metric}: {', '.join(shown)}")
+    return "\n".join([*lines, *list_few_unscored(summary)])
+
+
+def _eth3d_note(coverage: DepthCoverage) -> str:
+    """How much of ETH3D was attempted, if the images are ETH3D's."""
+    part = coverage.eth3d
+    if not part:
+        return ""
+    return (
+        f" ({part.images} of ETH3D's {part.of_images}, in {part.scenes} of "
+        f"{plural(part.of_scenes, 'scene', 'scenes')})"
+    )
+
+
+def depth_metrics(summary: DepthSummary) -> list[MetricPart]:
+    """Means per hole policy beside those of the constant, with intervals and denominators."""
+    (part,) = metric_parts(summary)
+    groups = summary.bootstrap
+    scenes = plural(groups.groups, "scene", "scenes")
+    rows = [
+        replace(
+            row,
+            over=f"{row.over}, {scenes}" if groups.unit == "scene" else row.over,
+            constant=number_cell(summary.constant[row.name][row.policy]),
+        )
+        for row in part.rows
+    ]
+    rows += attempted_rows(summary, "abs_rel")
+    note = (
+        "Every depth is aligned by one scale and one shift in disparity before it is scored. Holes "
+        "are pixels with measured depth and no prediction: error_1 (primary) counts each as an "
+        "error of 100 %, exclude leaves them out, far fills them with the deepest ground truth. "
+        "constant is what one depth for the whole photo would score."
+    )
+    return [MetricPart(title=part.title, rows=rows, note=note)]
+
+
+def depth_notes(summary: DepthSummary) -> list[str]:
+    """What the means hide: flagged fits, images without ground truth, holes, clamped pixels."""
+    by_status = summary.coverage.by_status
+    flagged = [f"{by_status.get(name, 0)} {name}" for name in ("inverted", "degenerate", "no_gt")]
+    others = [f"{n} {name}" for name, n in by_status.items() if f"{n} {name}" not in flagged]
+    shares = {
+        "holes": summary.mean_hole_share,
+        "outside the view": summary.mean_outside_view_share,
+        "clamped": summary.mean_clamped_share,
+    }
+    lines = [
+        f"images: {', '.join([*others, *flagged])}; "
+        f"{summary.worse_than_constant} worse than a constant, "
+        f"{summary.resampled} resampled, {plural(summary.warnings, 'warning', 'warnings')}",
+        "mean share of truth pixels: "
+        + ", ".join(f"{name} {fraction(x)}" for name, x in shares.items()),
+        *list_unscored(summary),
+    ]
+    return lines + ["partial run: only some images of its track"] * summary.partial
 
 
 def own_fields(

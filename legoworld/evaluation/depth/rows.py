@@ -9,14 +9,12 @@ import numpy as np
 from msgspec.structs import asdict, replace
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.depth.alignment import aligned_z
 from legoworld.evaluation.depth.arrays import CameraModelError
 from legoworld.evaluation.depth.protocol import HOLE_POLICIES, DepthProtocol
-from legoworld.evaluation.depth.scoring import ImageScore, score_image, valid_truth
+from legoworld.evaluation.depth.scoring import ImageScore, aligned_z, score_image, valid_truth
 from legoworld.evaluation.pixels.family import F64, ImageResult, Measuring, PixelTruth
-from legoworld.evaluation.pixels.resampling import Sample, Warp, sampler
+from legoworld.evaluation.pixels.resampling import Sample, Warp, encode_array, sampler, shown_pixels
 from legoworld.evaluation.pixels.rows import too_few, with_holes
-from legoworld.evaluation.pixels.view import encode_array, shown_pixels
 from legoworld.pluralize import plural
 from legoworld.readouts.depth import DEPTH_FILE
 from legoworld.records.depth import DepthRow, ScoredDepthRow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import MutableMapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 
 from legoworld.depth_files.read_depth import check_raw_float32, read_raw_float32
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.depth.arrays import DepthArray, DepthTruthError, ray_lengths
-from legoworld.evaluation.depth.declaration import DECLARATION, Declaration, read_declaration
+from legoworld.evaluation.depth.arrays import (
+    DECLARATION,
+    Declaration,
+    DepthArray,
+    DepthTruthError,
+    ray_lengths,
+    read_declaration,
+)
 from legoworld.evaluation.depth.eth3d import Eth3dFiles, find_files, photo_camera
-from legoworld.evaluation.depth.integer_units import per_metre
-from legoworld.evaluation.depth.labelled import read_labelled
-from legoworld.evaluation.pixels.family import PixelTruth
-from legoworld.evaluation.pixels.truth import find_all_truth, find_array
+from legoworld.evaluation.depth.labelled import per_metre, read_labelled
+from legoworld.evaluation.pixels.family import PixelTruth, TruthFile
+from legoworld.evaluation.pixels.labelled import find_all_truth, find_array
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.colmap import Calibration, Camera, read_calibration
 
@@ -26,19 +31,17 @@ _BAND_ROWS: Final = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthTruthFile:
+class DepthTruthFile(TruthFile):
     """One image's ground truth. size_wh, camera: from ETH3D's calibration, None otherwise.
 
     calibration: the files these two were read from.
     """
 
     kind: Literal["eth3d_raw", "array"]
-    path: Path
-    declared: Declaration
-    size_wh: tuple[int, int] | None
-    size_from: Literal["cameras.txt", "track", "file"]
-    camera: Camera | None
-    calibration: tuple[Path, ...]
+    declared: Declaration = field(default_factory=Declaration)
+    size_wh: tuple[int, int] | None = None
+    size_from: Literal["cameras.txt", "track", "file"] = "file"
+    camera: Camera | None = None
 
 
 def find_truth(truth: Path, images: Sequence[RunImage]) -> tuple[DepthTruthFile, ...]:
@@ -165,7 +168,6 @@ def _eth3d(
     return DepthTruthFile(
         kind="eth3d_raw",
         path=files.depth,
-        declared=Declaration(),
         size_wh=size_wh,
         size_from="cameras.txt" if camera else "track",
         camera=camera,
@@ -175,17 +177,7 @@ def _eth3d(
 
 def _array(truth: Path, image: RunImage, declared: Declaration) -> DepthTruthFile | None:
     path = find_array(truth, image, noun="depth", error=DepthTruthError)
-    if path is None:
-        return None
-    return DepthTruthFile(
-        kind="array",
-        path=path,
-        declared=declared,
-        size_wh=None,
-        size_from="file",
-        camera=None,
-        calibration=(),
-    )
+    return DepthTruthFile(kind="array", path=path, declared=declared) if path else None
 
 
 def _unknown_size(files: Eth3dFiles) -> LegoWorldError:

@@ -21,12 +21,13 @@ from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
+    TextBuilder,
+    Texts,
     compress_mask,
     from_pixels,
     to_pixels,
 )
 from legoworld.evaluation.detection.inputs.predictions import Predictions
-from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.matches import match_and_pair
 from legoworld.evaluation.detection.payloads.masks import as_lists

@@ -35,8 +35,7 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.family import EvaluationRequest
-from legoworld.evaluation.prepare_inputs import prepared_inputs
+from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
 from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
@@ -71,7 +70,7 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
     run, notice, draws = read_run(request.run), request.notice, request.draws
     protocol = detection_protocol(run.task)
     kind = request.options.get("evaluator") or default_evaluator(protocol, request.warn)
-    truth = read_truth(request.truth, run, protocol)
+    truth = read_truth(request.truth, protocol, run)
     configuration = DetectionConfiguration(
         task=run.task,
         evaluator=kind,
@@ -79,13 +78,8 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
         seed=request.seed,
         card_sha256=protocol.card.sha256,
     )
-    inputs = prepared_inputs(
-        request.output,
-        [("truth", request.truth), *run_inputs(run)],
-        configuration,
-        run=run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
+    inputs = prepare_inputs(
+        request, run.folder, [("truth", request.truth), *run_inputs(run)], configuration
     )
     notice("checking the predictions")
     batches = read_predictions(run, prediction_type(protocol))

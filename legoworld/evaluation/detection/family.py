@@ -12,8 +12,7 @@ import numpy as np
 from legoworld.conventions import EQUAL_CONFIDENCE
 from legoworld.errors import UsageError
 from legoworld.evaluation.checks import Check, check_equal
-from legoworld.evaluation.detection.amodal_sums import amodal_values, total_sums
-from legoworld.evaluation.detection.amodal_text import amodal_tables
+from legoworld.evaluation.detection.amodal_sums import amodal_tables, amodal_values, total_sums
 from legoworld.evaluation.detection.evaluate import default_evaluator, evaluate_detections
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.box_formats import check_box_values
@@ -25,7 +24,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     hash_entries,
     prediction_type,
 )
-from legoworld.evaluation.detection.inputs.truth import Truth, read_whole_truth, select_images
+from legoworld.evaluation.detection.inputs.truth import Truth, read_truth, select_images
 from legoworld.evaluation.detection.matching import matches_file
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -106,7 +105,7 @@ def _open(task: str, truth: LiveTruth) -> Truth:
             found=type(truth).__name__,
             expected="the dataset's own annotations, COCO or LVIS JSON",
         )
-    return read_whole_truth(Path(truth), detection_protocol(task))
+    return read_truth(Path(truth), detection_protocol(task))
 
 
 def _score(

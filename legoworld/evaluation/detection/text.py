@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from legoworld.evaluation.detection.amodal_text import amodal_part, short_amodal
+from legoworld.evaluation.detection.amodal_sums import amodal_part, short_amodal
 from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric, detection_protocol
-from legoworld.evaluation.metrics import MetricPart, MetricRow, number
-from legoworld.evaluation.short_text import (
+from legoworld.evaluation.metrics import (
+    MetricPart,
+    MetricRow,
     bounds,
     describe_evaluator,
     first_few,
     fraction,
     image_counts,
+    number_cell,
 )
 from legoworld.pluralize import plural
 from legoworld.records.evaluation_summary import DetectionSummary, Matched, SpaceErrors
@@ -131,7 +133,7 @@ def _with_truth(summary: DetectionSummary) -> str:
 
 
 def _row(summary: DetectionSummary, name: str, value: float | None, over: str) -> MetricRow:
-    return MetricRow(name=name, number=number(value, summary.intervals.get(name)), over=over)
+    return MetricRow(name=name, number=number_cell(value, summary.intervals.get(name)), over=over)
 
 
 def _official_rows(summary: DetectionSummary) -> Iterator[MetricRow]:
@@ -166,7 +168,9 @@ def _tie_rows(summary: DetectionSummary) -> Iterator[MetricRow]:
     over = f"{_images(summary)}, {_with_truth(summary)}"
     blocks = [("", summary.ties)]
     equal = summary.equal_confidence
-    ap = number(equal.metrics["AP"], summary.intervals.get("AP") if equal.already_equal else None)
+    ap = number_cell(
+        equal.metrics["AP"], summary.intervals.get("AP") if equal.already_equal else None
+    )
     yield MetricRow(name="equal_confidence.AP", number=ap, over=over)
     if not equal.already_equal:
         blocks.append(("equal_confidence.", equal.ties))

@@ -15,7 +15,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import centred_interval, check_draws, resample_counts
 from legoworld.evaluation.checks import Check, refuse_unseen
 from legoworld.evaluation.evidence import agreement
-from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation
+from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation, prepare_inputs
 from legoworld.evaluation.label_maps.family import (
     MapFamily,
     MapInvalidError,
@@ -23,9 +23,10 @@ from legoworld.evaluation.label_maps.family import (
     MapTruth,
     MapTruthError,
     MapUnseenError,
+    present_categories,
+    resample_values,
+    total_sums,
 )
-from legoworld.evaluation.label_maps.sums import present_categories, resample_values, total_sums
-from legoworld.evaluation.prepare_inputs import prepared_inputs
 from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share
@@ -75,14 +76,8 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
         task=run.task, card_sha256=card.sha256, draws=request.draws, seed=request.seed
     )
     answers = [("answer", item.path) for item in items if item.path and item.path.is_file()]
-    inputs = prepared_inputs(
-        request.output,
-        [("run", run.folder / RUN), ("run_rows", run.folder / ROWS), *answers, *truth.inputs],
-        configuration,
-        run=run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
-    )
+    files = [("run", run.folder / RUN), ("run_rows", run.folder / ROWS), *answers, *truth.inputs]
+    inputs = prepare_inputs(request, run.folder, files, configuration)
     rows: list[LabelMapRow] = []
     views: dict[str, Any] = {"run.json": run_view(run)}
     pool = request.pool.for_work(worth_a_process=len(items) > _FEW)
@@ -197,7 +192,7 @@ def summarise(
             intervals[name] = centred_interval(
                 samples, np.nan if value is None else value, unit="image"
             )
-    columns = family.of_category(sums)
+    columns = family.category_values(sums)
     card = load_card(run.task)
     unanswered = [row for row in rows if not row.has_score]
     return LabelMapSummary(

@@ -8,13 +8,15 @@ from functools import partial
 from legoworld.evaluation.family import EvaluationFamily
 from legoworld.evaluation.label_maps.evaluate import evaluate_maps, verify_maps
 from legoworld.evaluation.label_maps.family import MapFamily
-from legoworld.evaluation.metrics import MetricPart, MetricRow, number
-from legoworld.evaluation.short_text import (
+from legoworld.evaluation.metrics import (
+    MetricPart,
+    MetricRow,
     bounds,
     describe_evaluator,
     first_few,
     fraction,
     image_counts,
+    number_cell,
 )
 from legoworld.pluralize import plural
 from legoworld.records.label_maps import LabelMapSummary
@@ -53,7 +55,9 @@ def _short(family: MapFamily, over: Over, summary: LabelMapSummary) -> str:
 def _metrics(family: MapFamily, over: Over, summary: LabelMapSummary) -> list[MetricPart]:
     rows = [
         MetricRow(
-            name=name, number=number(value, summary.intervals.get(name)), over=over(summary, name)
+            name=name,
+            number=number_cell(value, summary.intervals.get(name)),
+            over=over(summary, name),
         )
         for name, value in summary.metrics.items()
     ]

@@ -13,10 +13,20 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.depth_files.read_depth import npz_contents, read_npz_array, read_picture
-from legoworld.evaluation.pixels.errors import pixel_errors
-from legoworld.evaluation.pixels.family import F64, Index, Mask, PixelTruth, Stored
+from legoworld.evaluation.pixels.family import (
+    F64,
+    Index,
+    Mask,
+    PixelArray,
+    PixelTruth,
+    Stored,
+    TruthFile,
+    pixel_errors,
+)
 from legoworld.evaluation.pixels.labelled import (
     check_version,
+    find_all_truth,
+    find_array,
     fits_into_memory,
     is_text,
     merge_declarations,
@@ -24,7 +34,6 @@ from legoworld.evaluation.pixels.labelled import (
     read_declared,
     text_label,
 )
-from legoworld.evaluation.pixels.truth import find_all_truth, find_array
 from legoworld.readouts.normals import NORMALS_FILE
 from legoworld.records.run_rows import RunImage
 
@@ -51,20 +60,13 @@ class Declaration:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NormalsArray:
+class NormalsArray(PixelArray):
     """(H, W, 3) float32 or float64 vectors of any length, in the OpenCV camera frame.
 
     sign: of `SIGNS`; a frontal wall is (0, 0, -1) towards the camera, (0, 0, 1) away from it.
     """
 
-    values: NDArray[Any]
     sign: str
-    stored: Stored | None = None
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        """(width, height)."""
-        return int(self.values.shape[1]), int(self.values.shape[0])
 
     def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
         """Unit vectors towards the camera at pixels (n,), 0 where there is none, and their mask."""
@@ -165,12 +167,10 @@ def _vectors(values: NDArray[Any], path: Path) -> NDArray[Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NormalsTruthFile:
-    """One image's ground truth. calibration: normals need no further files."""
+class NormalsTruthFile(TruthFile):
+    """One image's ground truth; normals need no further files."""
 
-    path: Path
     declared: Declaration
-    calibration: tuple[Path, ...] = ()
 
 
 def file_stems(photo: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Normals as a family of evaluations: what its arrays are, and how an image is measured."""
+"""Normals as a family of evaluations: its arrays, how an image is measured, what is printed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from msgspec.structs import asdict, replace
 from numpy.typing import NDArray
 
 from legoworld.evaluation.family import EvaluationFamily
-from legoworld.evaluation.normals.angles import (
-    angular_errors,
-    bin_errors,
-    image_metrics,
-    sum_errors,
+from legoworld.evaluation.metrics import (
+    MetricPart,
+    MetricRow,
+    describe_evaluator,
+    fraction,
+    image_counts,
+    metric_parts,
+    number_cell,
 )
 from legoworld.evaluation.normals.arrays import (
     DECLARATION,
@@ -30,9 +33,19 @@ from legoworld.evaluation.normals.arrays import (
     valid_normals,
 )
 from legoworld.evaluation.normals.pooling import MEDIAN, own_fields
-from legoworld.evaluation.normals.protocol import ERROR_90, HOLE_DEG, METRICS, normals_protocol
-from legoworld.evaluation.normals.text import normals_metrics, normals_notes, short_normals
-from legoworld.evaluation.pixels.evaluate import evaluate_pixels
+from legoworld.evaluation.normals.protocol import (
+    ANGLES,
+    ERROR_90,
+    FAILS,
+    HOLE_DEG,
+    METRICS,
+    angular_errors,
+    bin_errors,
+    image_metrics,
+    normals_protocol,
+    sum_errors,
+)
+from legoworld.evaluation.pixels.evaluate import evaluate_pixels, verify_pixels
 from legoworld.evaluation.pixels.family import (
     ImageResult,
     Measuring,
@@ -42,10 +55,10 @@ from legoworld.evaluation.pixels.family import (
     PixelTruth,
 )
 from legoworld.evaluation.pixels.live import live_pixels
-from legoworld.evaluation.pixels.resampling import Sample, sampler
+from legoworld.evaluation.pixels.resampling import Sample, encode_array, sampler, shown_pixels
 from legoworld.evaluation.pixels.rows import too_few, with_holes
-from legoworld.evaluation.pixels.verification import verify_pixels
-from legoworld.evaluation.pixels.view import encode_array, shown_pixels
+from legoworld.evaluation.pixels.summary import attempted_rows, list_few_unscored, list_unscored
+from legoworld.pluralize import plural
 from legoworld.readouts.normals import NORMALS_FILE
 from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.normals import (
@@ -58,6 +71,65 @@ from legoworld.records.normals import (
     ScoredNormalsRow,
 )
 from legoworld.tasks.shipped import NORMALS
+
+
+def short_normals(summary: NormalsSummary) -> str:
+    """Pooled numbers under the primary policy with denominators, and the unscored images."""
+    pooled = summary.pooled
+    angles = [f"{name} {_degrees(pooled[name][ERROR_90])}" for name in ANGLES]
+    shares = [f"{name} {fraction(pooled[name][FAILS])}" for name in pooled if name not in ANGLES]
+    lines = [
+        f"{describe_evaluator(summary)}: {image_counts(summary.coverage)}",
+        f"{plural(summary.pooled_px, 'pixel', 'pixels')} pooled: {', '.join([*angles, *shares])}",
+    ]
+    return "\n".join([*lines, *list_few_unscored(summary)])
+
+
+def normals_metrics(summary: NormalsSummary) -> list[MetricPart]:
+    """The pooled numbers, then the means over images with their intervals."""
+    pixels = {True: summary.predicted_px, False: summary.pooled_px}
+    pooled = [
+        MetricRow(
+            name=name,
+            policy=policy,
+            number=number_cell(value),
+            over=plural(pixels[policy == "exclude"], "pixel", "pixels"),
+        )
+        for name, by_policy in summary.pooled.items()
+        for policy, value in by_policy.items()
+    ]
+    note = (
+        "The angle between prediction and ground truth over all valid pixels of the scored images, "
+        "in degrees, and the shares strictly below 5, 7.5, 11.25, 22.5 and 30 degrees. Holes are "
+        "pixels with a measured normal and no prediction: error_90 (primary) counts each as 90 "
+        "degrees, fails counts it in no share, exclude leaves it out."
+    )
+    (means,) = metric_parts(summary)
+    return [
+        MetricPart(title="All pixels pooled", rows=pooled, note=note),
+        MetricPart(
+            title="Means over images",
+            rows=[*means.rows, *attempted_rows(summary, ANGLES[0])],
+            note="",
+        ),
+    ]
+
+
+def normals_notes(summary: NormalsSummary) -> list[str]:
+    """What the numbers hide: images without a score, holes, resampled predictions."""
+    by_status = ", ".join(f"{n} {name}" for name, n in summary.coverage.by_status.items())
+    lines = [
+        f"images: {by_status}; {summary.resampled} resampled, "
+        f"{plural(summary.warnings, 'warning', 'warnings')}",
+        f"mean share of truth pixels that are holes: {fraction(summary.mean_hole_share)}",
+        *list_unscored(summary),
+    ]
+    return lines + ["partial run: only some images of its track"] * summary.partial
+
+
+def _degrees(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
 
 #: Mean error from which the array turned around has one below 45 degrees.
 _TURNED_DEG: Final = 180.0 - 45.0

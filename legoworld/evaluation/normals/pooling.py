@@ -15,14 +15,16 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.normals.angles import PER_DEGREE, angular_metrics, bin_errors
 from legoworld.evaluation.normals.protocol import (
     ANGLES,
     ERROR_90,
     EXCLUDE,
     HOLE_DEG,
     METRICS,
+    PER_DEGREE,
     THRESHOLDS_DEG,
+    angular_metrics,
+    bin_errors,
 )
 from legoworld.evaluation.pixels.family import F64, Options, SecondReading, Settings
 from legoworld.evaluation.pixels.summary import means

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld import exit_codes
 from legoworld.cards import Card
 from legoworld.depth_files.headers import SizeCheck
-from legoworld.evaluation.pixels.errors import PixelErrors
+from legoworld.errors import LegoWorldError
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.comparison import Better
@@ -21,6 +23,47 @@ from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
 from legoworld.records.pixels import PixelRow, PixelSummary
 from legoworld.records.run_rows import RunImage
 from legoworld.tasks.task import Family
+
+if TYPE_CHECKING:
+    from legoworld.evaluation.pixels.rows import PixelRun
+
+
+class PixelErrors(NamedTuple):
+    """The errors of a family, each with its own code.
+
+    truth: ground truth is missing, undeclared or contradicts the track, which ends scoring;
+    prediction, missing: of a file that is unusable, or not there; unseen: of a machine that does
+    not see the same files as the command.
+    """
+
+    truth: type[LegoWorldError]
+    prediction: type[LegoWorldError]
+    missing: type[LegoWorldError]
+    unseen: type[LegoWorldError]
+
+
+def pixel_errors(noun: str, module: str) -> PixelErrors:
+    """The errors of a family, such as `DepthTruthError` of "depth" with the code "depth_truth".
+
+    module: the one that holds them under these names, by which they cross processes.
+    """
+    attributes: dict[str, dict[str, Any]] = {
+        "truth": {},
+        "prediction": {"status": "invalid"},
+        "missing": {"status": "missing"},
+        "unseen": {"exit_code": exit_codes.BLOCKED},
+    }
+    return PixelErrors(
+        **{
+            kind: type(
+                f"{noun.capitalize()}{kind.capitalize()}Error",
+                (LegoWorldError,),
+                {"code": f"{noun}_{kind}", "__module__": module, **own},
+            )
+            for kind, own in attributes.items()
+        }
+    )
+
 
 #: What every family's code implements.
 _FIXED: Final[dict[str, Any]] = {
@@ -66,9 +109,6 @@ def pixel_protocol(
     return PixelProtocol(card=card, declared=declared)
 
 
-if TYPE_CHECKING:
-    from legoworld.evaluation.pixels.predictions import PixelRun
-
 F64 = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -85,59 +125,50 @@ class Stored:
     shape: tuple[int, ...]
 
 
-class PixelArray(Protocol):
-    """A predicted array, (H, W) or (H, W, channels), with what its family declares of it."""
-
-    @property
-    def values(self) -> NDArray[Any]:
-        """As the file has them."""
-        ...
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        """(width, height)."""
-        ...
-
-    @property
-    def stored(self) -> Stored | None:
-        """How its file has it; None for an array of no file."""
-        ...
-
-    def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
-        """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
-        ...
-
-
-class TruthFile(Protocol):
-    """One image's ground truth, as it was found. calibration: further files that it needs."""
-
-    @property
-    def path(self) -> Path:
-        """Of the array."""
-        ...
-
-    @property
-    def calibration(self) -> tuple[Path, ...]:
-        """Further files that it needs."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True)
-class PixelTruth:
-    """One image's ground truth, in memory.
-
-    values: (H, W) or (H, W, channels), valid where the family says so; counts: fields of the row
-    that are the family's own; warnings: of the row.
-    """
+class _Picture:
+    """values: (H, W) or (H, W, channels)."""
 
     values: NDArray[Any]
-    counts: Mapping[str, int]
-    warnings: tuple[str, ...] = ()
 
     @property
     def size_wh(self) -> tuple[int, int]:
         """(width, height)."""
         return int(self.values.shape[1]), int(self.values.shape[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelArray(_Picture, ABC):
+    """A predicted array, with what its family declares of it.
+
+    stored: how its file has it; None for an array of no file.
+    """
+
+    stored: Stored | None = None
+
+    @abstractmethod
+    def at(self, rows: Index, cols: Index) -> tuple[F64, Mask]:
+        """What is resampled at pixels (n,), 0 where not predicted, and a mask of predictions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TruthFile:
+    """One image's ground truth, as it was found. calibration: further files that it needs."""
+
+    path: Path
+    calibration: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelTruth(_Picture):
+    """One image's ground truth, in memory.
+
+    Values are valid where the family says so; counts: fields of the row that are the family's own;
+    warnings: of the row.
+    """
+
+    counts: Mapping[str, int]
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

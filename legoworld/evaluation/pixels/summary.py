@@ -1,14 +1,14 @@
-"""Summaries: means over images, intervals over scenes, denominators."""
+"""Summaries of arrays: means over images, intervals over scenes, denominators; and their text."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from legoworld.evaluation.bootstrap import LEVEL, interval, resample_counts, resampled_means
+from legoworld.evaluation.bootstrap import LEVEL, draw_groups, interval
+from legoworld.evaluation.metrics import MetricRow, first_few, number_cell
 from legoworld.evaluation.pixels.family import (
     PixelFamily,
     PixelMetric,
@@ -17,9 +17,10 @@ from legoworld.evaluation.pixels.family import (
     metric_policies,
 )
 from legoworld.evaluation.run import count_images
+from legoworld.pluralize import plural
 from legoworld.records.base import UNSET, to_record
 from legoworld.records.evaluation_summary import Interval, NotScored
-from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow
+from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow, PixelSummary
 
 
 def summarise(
@@ -98,27 +99,6 @@ def resampling_unit(rows: Sequence[PixelRow]) -> Any:
     return "scene" if named else "image"
 
 
-def group_columns(rows: Sequence[PixelRow]) -> dict[str, int]:
-    """The groups of rows, each with its column in the draws."""
-    return {name: k for k, name in enumerate(sorted({row.group for row in rows}))}
-
-
-def group_draws(columns: Mapping[str, int], draws: int, seed: int) -> NDArray[np.int32] | None:
-    """Draws over groups, (draws, groups); None where there are fewer than two."""
-    return resample_counts(len(columns), draws, seed) if len(columns) > 1 else None
-
-
-def mean_samples(
-    values: NDArray[np.float64],
-    rows: Sequence[PixelRow],
-    columns: Mapping[str, int],
-    counts: NDArray[np.int32],
-) -> NDArray[np.float64]:
-    """(draws,) means of the rows' values, each weighted by how often its group was drawn."""
-    groups = np.array([columns[row.group] for row in rows], np.int64)
-    return resampled_means(values, groups, counts)
-
-
 def _intervals(
     rows: Sequence[PixelRow], metrics: Sequence[PixelMetric], settings: Settings
 ) -> tuple[PixelBootstrap, dict[str, dict[str, Interval]]]:
@@ -129,20 +109,43 @@ def _intervals(
     """
     with_truth = [row for row in rows if row.has_truth]
     scored = [row for row in rows if row.has_score]
-    columns = group_columns(with_truth)
+    draws = draw_groups([row.group for row in with_truth], settings.draws, settings.seed)
     bootstrap = PixelBootstrap(
         draws=settings.draws,
         seed=settings.seed,
         unit=resampling_unit(with_truth),
-        groups=len(columns),
+        groups=len(draws.column),
         level=LEVEL,
     )
-    counts = group_draws(columns, settings.draws, settings.seed) if scored else None
     intervals: dict[str, dict[str, Interval]] = {}
     for metric, policy in metric_policies(metrics):
         samples = np.full(settings.draws, np.nan)
-        if counts is not None:
+        if draws.spread and scored:
             values = [row.scores[metric][policy] for row in scored if row.scores]
-            samples = mean_samples(np.array(values, np.float64), scored, columns, counts)
+            samples = draws.means(np.array(values, np.float64), [row.group for row in scored])
         intervals.setdefault(metric, {})[policy] = interval(samples, unit=bootstrap.unit)
     return bootstrap, intervals
+
+
+def list_unscored(summary: PixelSummary) -> list[str]:
+    """A line for each image without a score."""
+    return [f"{r.status}: {r.file_name}: {r.reason}" for r in summary.not_scored]
+
+
+def list_few_unscored(summary: PixelSummary) -> list[str]:
+    """The first of these."""
+    return first_few(list_unscored(summary), "image without a score", "images without a score")
+
+
+def attempted_rows(summary: PixelSummary, metric: str) -> list[MetricRow]:
+    """A metric over every image with truth."""
+    every = cast("Any", summary).all_attempted
+    images = plural(every.images, "image", "images")
+    given = getattr(every, f"missing_{metric}")
+    over = f"{images} with truth, {every.missing} of them without a score at {given:g}"
+    return [
+        MetricRow(
+            name=f"{metric}, all attempted", policy=policy, number=number_cell(value), over=over
+        )
+        for policy, value in getattr(every, metric).items()
+    ]

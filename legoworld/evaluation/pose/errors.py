@@ -51,9 +51,9 @@ def mssd(model: Model, pose: Floats, true: Floats) -> float:
 
 def mspd(model: Model, pose: Floats, true: Floats, photo: Photo) -> float:
     """The same in the picture, in pixels; poses (3, 4)."""
-    mine = _projected(transform_points(pose, model.vertices.astype(np.float64)), photo.intrinsics)
+    mine = _project(transform_points(pose, model.vertices.astype(np.float64)), photo.intrinsics)
     alike = _alike(model, true)
-    return min(_farthest(mine, _projected(theirs, photo.intrinsics)) for theirs in alike)
+    return min(_farthest(mine, _project(theirs, photo.intrinsics)) for theirs in alike)
 
 
 def vsd(
@@ -141,7 +141,7 @@ def _farthest(mine: Floats, theirs: Floats) -> float:
     return float(np.sqrt(((mine - theirs) ** 2).sum(axis=1)).max())
 
 
-def _projected(points: Floats, k: Floats) -> Floats:
+def _project(points: Floats, k: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         plane = points @ k.T
         return np.asarray(plane[:, :2] / plane[:, 2:])

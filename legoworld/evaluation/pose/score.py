@@ -117,16 +117,16 @@ def _hits(table: Sequence[Sequence[PoseError]], diameter: float, columns: float)
     by_tau = [[[e.vsd[k] for e in row] for row in table] for k in range(len(TAUS))]
     return np.array(
         [
-            np.mean([_found(values, t) for values in by_tau for t in THRESHOLDS]),
-            np.mean([_found([[e.mssd for e in r] for r in table], t * diameter)
+            np.mean([_count_hits(values, t) for values in by_tau for t in THRESHOLDS]),
+            np.mean([_count_hits([[e.mssd for e in r] for r in table], t * diameter)
                      for t in THRESHOLDS]),
-            np.mean([_found([[e.mspd for e in r] for r in table], 100 * t * columns)
+            np.mean([_count_hits([[e.mspd for e in r] for r in table], 100 * t * columns)
                      for t in THRESHOLDS]),
         ]
     )  # fmt: skip
 
 
-def _found(errors: Sequence[Sequence[float]], threshold: float) -> int:
+def _count_hits(errors: Sequence[Sequence[float]], threshold: float) -> int:
     """Truths that estimates take, best first, each the free one of smallest error below it."""
     taken: set[int] = set()
     for row in errors:

@@ -85,7 +85,7 @@ def trimmed_icp(reference_m: F64, submitted_m: F64) -> Motion | None:
     while steps < ICP_ITERATIONS:
         steps += 1
         now = source @ rotation.T + translation
-        distance, place = nearest.of(now)
+        distance, place = nearest.query(now)
         pairs = np.argsort(distance, kind="stable")[:kept]
         turn, shift = _kabsch(now[pairs], target[place[pairs]])
         rotation, translation = turn @ rotation, turn @ translation + shift
@@ -119,7 +119,7 @@ class MovingPairs:
         self._place: NDArray[np.intp] = np.zeros(0, np.intp)
         self._second: F64 = np.zeros(0)
 
-    def of(self, points_m: F64) -> tuple[F64, NDArray[np.intp]]:
+    def query(self, points_m: F64) -> tuple[F64, NDArray[np.intp]]:
         """Distance and place of the nearest target of each (N, 3) point."""
         if self._asked_at is None:
             self._asked_at = points_m.copy()

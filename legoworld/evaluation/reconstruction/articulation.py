@@ -1,7 +1,8 @@
 """The articulation pilot: reference joints that a submission has, has wrong, or lacks, and why.
 
 2C / (2C + O + P + J + 2W + E) is F1 over joints: O + P + J + W of the reference's are not found,
-W + E of the submission's are not right. readouts/pilots/articulation.toml has what decides each.
+W + E of the submission's are not right. readouts/pilots/articulation.toml, a provisional card, has
+what decides each.
 """
 
 from __future__ import annotations
@@ -10,15 +11,17 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from legoworld.evaluation.reconstruction.articulation_card import ArticulationRules
+from legoworld.cards import read_values
 from legoworld.evaluation.reconstruction.points import F64
 from legoworld.records.bench_dataset import (
+    JOINT_TYPES,
     Articulation,
     JointCounts,
     JointRow,
@@ -27,6 +30,54 @@ from legoworld.records.bench_dataset import (
     SceneJoint,
     Vector,
 )
+from legoworld.shipped import catalog
+
+_CARD: Final = "pilots/articulation"
+_FIXED: Final[dict[str, Any]] = {
+    "pilot.name": "articulation",
+    "pilot.task": "bench",
+    "pilot.status": "provisional",
+    "joints.types": list(JOINT_TYPES),
+    "joints.property": "joint",
+    "joints.property_axis": [0.0, 0.0, 1.0],
+    "joints.urdf_root": "object_or_world",
+    "joints.limits": "recorded",
+    "matching.frame": "camera",
+    "matching.assignment": "largest_sum",
+    "scoring.score": "2C / (2C + O + P + J + 2W + E)",
+    "scoring.continuous": "revolute",
+    "scoring.not_valid": "object_missing",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArticulationRules:
+    """The card's numbers. box_pad, max_axis_apart: shares of the reference part's depth."""
+
+    version: str
+    sha256: str
+    box_pad: float
+    min_box_iou: float
+    present_recall: float
+    max_axis_deg: float
+    max_axis_apart: float
+
+
+@cache
+def articulation_rules() -> ArticulationRules:
+    """The shipped card. InstallationError when a fixed value is not the code's."""
+    card = read_values(catalog.folder("readouts") / f"{_CARD}.toml", _CARD)
+    card.hold_to(_FIXED)
+    return ArticulationRules(
+        version=card.value("pilot.version"),
+        sha256=card.sha256,
+        box_pad=float(card.value("matching.box_pad")),
+        min_box_iou=float(card.value("matching.min_box_iou")),
+        present_recall=float(card.value("scoring.present_recall")),
+        max_axis_deg=float(card.value("scoring.max_axis_deg")),
+        max_axis_apart=float(card.value("scoring.max_axis_apart")),
+    )
+
 
 _LETTER: Final[dict[Outcome, str]] = {
     "correct": "C",

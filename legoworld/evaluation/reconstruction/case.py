@@ -1,4 +1,4 @@
-"""One case: a submission's surface and render against the reference, as a row."""
+"""One case: a submission's surface, render and camera against the reference, as a row."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ from msgspec.structs import replace
 
 from legoworld.errors import cause
 from legoworld.evaluation.reconstruction import appearance, integrity
+from legoworld.evaluation.reconstruction.aligned import angle_rad
 from legoworld.evaluation.reconstruction.appearance import Agreement, Picture
-from legoworld.evaluation.reconstruction.camera_error import camera_error
-from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
-from legoworld.evaluation.reconstruction.errors import BenchTruthError, SubmissionFileError
+from legoworld.evaluation.reconstruction.dataset import (
+    BenchCase,
+    BenchFolders,
+    BenchTruthError,
+    SubmissionFileError,
+)
 from legoworld.evaluation.reconstruction.geometry import PointMaps, geometry_score
 from legoworld.evaluation.reconstruction.joints import not_valid, score_articulation
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
-from legoworld.evaluation.reconstruction.points import Flags, finite_points
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.points import Flags, finite_points, hit_share
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.evaluation.reconstruction.reference import Reference, load_reference
 from legoworld.evaluation.reconstruction.second_card import (
     second_flags,
@@ -33,12 +36,34 @@ from legoworld.records.base import UNSET
 from legoworld.records.reconstruction import (
     COMPARED,
     Appearance,
+    CameraError,
     Flag,
     NoiseBeside,
     ReconstructionRow,
+    Registration,
 )
 from legoworld.records.second_card import BenchXImage
 from legoworld.records.submission import BenchRow, Check, RenderFile, Validity
+
+
+def camera_error(
+    row: BenchRow, case: BenchCase, registration: Registration | None
+) -> CameraError | None:
+    """Field of view and pose, submitted against reference; None where the run has no camera."""
+    if row.camera is UNSET:
+        return None
+    submitted = row.camera
+    ours = np.array(submitted.world_from_cam, np.float64)
+    theirs = np.array(case.truth.camera.world_from_cam, np.float64)
+    between = theirs[:3, :3].T @ ours[:3, :3]
+    fov = submitted.hfov_deg
+    return CameraError(
+        fov_deg=None if fov is None else fov - case.image.hfov_deg,
+        world_rotation_deg=float(np.degrees(angle_rad(between))),
+        world_translation_m=float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3])),
+        registration=registration,
+    )
+
 
 #: Scripts never run and the render card has no compositor: alone, an artist's leftovers.
 _IDLE: Final = ("text_blocks", "compositor_nodes")
@@ -70,10 +95,7 @@ def score_case(task: CaseTask) -> ReconstructionRow:
             )
         surface = load_surface(task.run, row.surface, reference.raster)
         render = None if row.render is UNSET else load_render(task.run, row.render)
-    except SubmissionFileError as error:
-        return replace(zeros, status="changed", code=error.code, reason=str(error))
-    compared = _score_compared(task, zeros, reference, surface, render)
-    try:
+        compared = _score_compared(task, zeros, reference, surface, render)
         return _with_second_card(task, compared, reference, surface)
     except SubmissionFileError as error:
         return replace(zeros, status="changed", code=error.code, reason=str(error))
@@ -224,9 +246,9 @@ def _appearance(
         n_px=hits.size,
         n_hits=int(np.count_nonzero(hits)),
         curve=appearance.curve(agreement, task.protocol.delta),
-        where_geometry_agrees=_share(hits, agrees),
+        where_geometry_agrees=hit_share(hits, agrees),
         n_geometry_agrees_px=int(np.count_nonzero(agrees)),
-        where_geometry_differs=_share(hits, ~agrees),
+        where_geometry_differs=hit_share(hits, ~agrees),
         n_geometry_differs_px=int(np.count_nonzero(~agrees)),
         noise=NoiseBeside(
             reference_mean=float(np.mean(floor.a_self)) if floor and floor.a_self else None,
@@ -244,11 +266,6 @@ def _same_ray(reference: Reference, surface: Surface, points: PointMaps, relativ
         distance = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
         near: Flags = distance <= relative * reference.depth_z_m.astype(np.float64)
     return np.where(g & q, near, g == q)
-
-
-def _share(hits: Flags, where: Flags) -> float | None:
-    n = int(np.count_nonzero(where))
-    return int(np.count_nonzero(hits & where)) / n if n else None
 
 
 def _flags(

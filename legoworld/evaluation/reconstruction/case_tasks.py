@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from legoworld.errors import one_line
 from legoworld.evaluation.checks import refuse_unseen
 from legoworld.evaluation.reconstruction.case import CaseTask, score_case, zero_row
-from legoworld.evaluation.reconstruction.errors import BenchTruthError, BenchUnseenError
+from legoworld.evaluation.reconstruction.dataset import BenchTruthError, BenchUnseenError
 from legoworld.evaluation.reconstruction.submission import row_files
 from legoworld.records.reconstruction import EVALUATOR_ERROR, ReconstructionRow
 from legoworld.workers.tasks import WorkerPool, map_items

@@ -1,4 +1,7 @@
-"""Both halves of a bench as `evaluate` reads them: they must belong together, by hash."""
+"""Both halves of a bench as `evaluate` reads them: they must belong together, by hash.
+
+Errors of the dataset stop an evaluation, a run's do not.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final, TypeVar
 
+from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, cause
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
 from legoworld.records.bench_dataset import (
@@ -16,6 +19,26 @@ from legoworld.records.bench_dataset import (
     BenchTruth,
     BenchTruthFile,
 )
+
+
+class BenchTruthError(LegoWorldError):
+    """The private or public half of a bench cannot be used, or is another dataset's."""
+
+    code = "bench_truth"
+
+
+class SubmissionFileError(LegoWorldError):
+    """A file of the run is not what the run wrote: that case is scored zero."""
+
+    code = "submission_file"
+
+
+class BenchUnseenError(LegoWorldError):
+    """A machine of the cluster does not see the files that the command sees."""
+
+    code = "bench_unseen"
+    exit_code = exit_codes.BLOCKED
+
 
 TRUTH: Final = "truth.json"
 T = TypeVar("T")

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from legoworld.cards import load_card
 from legoworld.evaluation.bootstrap import check_draws
-from legoworld.evaluation.prepare_inputs import HERE, Origins, prepared_inputs
+from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import (
     TRUTH,
     BenchDataset,
     check_run,
     read_dataset,
 )
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol, bench_protocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import check_sampling
 from legoworld.evaluation.reconstruction.second_card import SecondCard, X, read_second_card
 from legoworld.evaluation.reconstruction.submission import BenchRun, list_files, read_bench_run
@@ -25,7 +23,7 @@ from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.evaluation.run import run_view
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
-    installed_versions,
+    make_evidence,
     write_evaluation,
 )
 from legoworld.records.folders.read_run import ROWS, RUN
@@ -35,67 +33,59 @@ from legoworld.records.reconstruction import (
     ReconstructionRow,
     ReconstructionSummary,
 )
-from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 
-def evaluate_bench(
-    run: Path,
-    truth: Path,
-    output: Path,
-    *,
-    choices: Choices | None = None,
-    draws: int = 10_000,
-    seed: int = 0,
-    overwrite: bool = False,
-    progress: Callable[[ReconstructionRow], None] | None = None,
-    pool: WorkerPool = IN_PROCESS,
-    origins: Origins = HERE,
-) -> ReconstructionSummary:
+def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
     """Score a bench run and write the evaluation folder; returns its summary.
 
-    truth: DATASET/private, beside DATASET/public. pool: works on the cases, any gives the same
-    bytes. progress: told of each row in the cases' order. Raises before scoring when run, dataset,
-    options and output do not go together; what is wrong with one submission is that case's row.
+    truth: DATASET/private, beside DATASET/public. Options: reference_sampling and diagnostics, see
+    `Choices`. Raises before scoring when run, dataset, options and output do not go together; what
+    is wrong with one submission is that case's row.
     """
-    choices = choices or Choices()
+    choices = Choices(
+        sampling=request.options.get("reference_sampling", "raster"),
+        diagnostics=request.options.get("diagnostics", True),
+    )
+    draws, seed = request.draws, request.seed
     check_sampling(choices.sampling)
     check_draws(draws, seed)
-    run, truth = run.absolute(), truth.absolute()
+    run, truth = request.run.absolute(), request.truth.absolute()
     dataset, bench_run = read_dataset(truth), read_bench_run(run)
     protocol = bench_protocol(load_card(bench_run.run.task))
     second = second_card(dataset, protocol)
     ids = [row.image_id for row in bench_run.rows]
     track_sha256 = bench_run.run.configuration.track_sha256 or None
     check_run(dataset, run.name, track_sha256, ids, second.sha256 if second else None)
-    configuration = _configuration(protocol, choices, draws, seed)
-    files = [*_inputs(bench_run, dataset, choices), *_second_inputs(bench_run, dataset, second)]
-    inputs = prepared_inputs(
-        output, files, configuration, run=run, origins=origins, overwrite=overwrite
+    configuration = BenchConfiguration(
+        task=protocol.card.task,
+        card_version=protocol.card.version,
+        card_sha256=protocol.card.sha256,
+        reference_sampling=choices.sampling,
+        diagnostics=choices.diagnostics,
+        draws=draws,
+        seed=seed,
     )
+    files = [*_inputs(bench_run, dataset, choices), *_second_inputs(bench_run, dataset, second)]
+    inputs = prepare_inputs(request, run, files, configuration)
     rows: list[ReconstructionRow] = []
     tasks = case_tasks(bench_run, dataset, protocol, choices, second)
-    for row in scored_cases(seen_tasks(tasks), pool):
+    for row in scored_cases(seen_tasks(tasks), request.pool):
         rows.append(row)
-        if progress is not None:
-            progress(row)
+        request.progress(row)
     summary = summarise(
         rows,
         kind=bench_run.kind,
         partial=bench_run.run.partial,
         protocol=protocol,
-        settings=summary_settings(bench_run, dataset, choices, draws, seed),
+        settings=Settings(
+            choices=choices,
+            sampled=all(dataset.cases[i].truth.sha256.raster is not None for i in ids),
+            draws=draws,
+            seed=seed,
+        ),
     )
-    evidence = BenchEvidence(
-        versions=installed_versions("pillow"),
-        inputs=(),
-        files={},
-        task=summary.task,
-        evaluator=summary.evaluator,
-        coverage=summary.coverage,
-        configuration=configuration,
-        protocol=summary.protocol,
-        metrics={name: mean.value for name, mean in summary.metrics.items()},
-    )
+    metrics = {name: mean.value for name, mean in summary.metrics.items()}
+    evidence = make_evidence(BenchEvidence, summary, configuration, "pillow", metrics=metrics)
     evaluation = Evaluation(
         summary=summary,
         evidence=evidence,
@@ -103,7 +93,7 @@ def evaluate_bench(
         per_image=rows,
         view={"run.json": run_view(bench_run.run)},
     )
-    write_evaluation(output, evaluation, overwrite=overwrite)
+    write_evaluation(request.output, evaluation, overwrite=request.overwrite)
     return summary
 
 
@@ -134,33 +124,6 @@ def case_tasks(
         )
         for row in run.rows
     ]
-
-
-def summary_settings(
-    run: BenchRun, dataset: BenchDataset, choices: Choices, draws: int, seed: int
-) -> Settings:
-    """What the summary says of how it was made."""
-    cases = [dataset.cases[row.image_id] for row in run.rows]
-    return Settings(
-        choices=choices,
-        sampled=all(case.truth.sha256.raster is not None for case in cases),
-        draws=draws,
-        seed=seed,
-    )
-
-
-def _configuration(
-    protocol: BenchProtocol, choices: Choices, draws: int, seed: int
-) -> BenchConfiguration:
-    return BenchConfiguration(
-        task=protocol.card.task,
-        card_version=protocol.card.version,
-        card_sha256=protocol.card.sha256,
-        reference_sampling=choices.sampling,
-        diagnostics=choices.diagnostics,
-        draws=draws,
-        seed=seed,
-    )
 
 
 def _second_inputs(

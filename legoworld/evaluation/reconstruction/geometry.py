@@ -9,25 +9,20 @@ from functools import cached_property
 import numpy as np
 
 from legoworld.evaluation.reconstruction import aligned
-from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.correspondence import (
-    Correspondence,
-    of_clouds,
-    on_one_raster,
-)
 from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
-from legoworld.evaluation.reconstruction.diagnostics import (
-    chamfer_over_diagonal,
-    precision_recall,
-    voxel_ious,
-)
 from legoworld.evaluation.reconstruction.fscore import (
+    Correspondence,
     Score,
+    chamfer_over_diagonal,
+    match_clouds,
+    match_surfaces,
     mean_f1,
+    precision_recall,
     scores,
     scores_on_rasters,
+    voxel_ious,
 )
-from legoworld.evaluation.reconstruction.nearest import GridSurface
+from legoworld.evaluation.reconstruction.nearest import GridSurface, share_raster
 from legoworld.evaluation.reconstruction.points import (
     F64,
     Depth,
@@ -36,7 +31,7 @@ from legoworld.evaluation.reconstruction.points import (
     pixel_of_points,
     points_m,
 )
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.evaluation.reconstruction.reference import RASTER, Reference, load_cloud
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.records.reconstruction import Diagnostics, ObjectRow, Registration
@@ -143,7 +138,7 @@ def _other_sampling(
     cloud = load_cloud(folders, case, sampling, protocol.depth_limit_m, protocol.point_cap)
     q = finite_points(surface.depth_z_m)
     submitted = points_m(surface.depth_z_m, reference.raster)[q]
-    return of_clouds(cloud.points_m, cloud.label, submitted, cloud.submitted_label[q])
+    return match_clouds(cloud.points_m, cloud.label, submitted, cloud.submitted_label[q])
 
 
 def _diagnostics(
@@ -160,7 +155,7 @@ def _diagnostics(
     ours, theirs = points.reference_m[g], points.submitted_m[q]
     union = np.where(reference.label >= 0, 0, -1).astype(np.int32)
     everything = np.zeros_like(union)
-    visible = on_one_raster(reference.depth_z_m, depth, everything, raster)
+    visible = match_surfaces(*share_raster(reference.depth_z_m, depth, everything, raster))
     of_objects = scores_on_rasters(
         _grid(reference, label=union), _grid(reference, depth, union), 1, (protocol.headline,)
     )[0]

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from legoworld.evaluation.reconstruction.articulation import Present, count_joints, none_found
-from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
+from legoworld.evaluation.reconstruction.articulation import (
+    Present,
+    articulation_rules,
+    count_joints,
+    none_found,
+)
 from legoworld.evaluation.reconstruction.dataset import BenchCase
-from legoworld.evaluation.reconstruction.nearest import nearest_both_ways
-from legoworld.evaluation.reconstruction.points import F64, finite_points, points_m
+from legoworld.evaluation.reconstruction.nearest import nearest_between, share_raster
+from legoworld.evaluation.reconstruction.points import (
+    F64,
+    Tolerance,
+    finite_points,
+    hit_share,
+    points_m,
+)
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.submission import Surface
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.bench_dataset import Articulation, ReferenceJoint, Vector
 from legoworld.records.submission import BenchRow
@@ -52,10 +60,10 @@ def _present(
 ) -> list[Present]:
     """Recall of the reference points of each joint's object, and of those in its part's box."""
     tolerance = Tolerance(name="present", relative=relative)
-    near, _ = nearest_both_ways(
-        reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster,
-        tolerances=(tolerance,),
-    )  # fmt: skip
+    surfaces = share_raster(
+        reference.depth_z_m, surface.depth_z_m, reference.label, reference.raster
+    )
+    near, _ = nearest_between(*surfaces, tolerances=(tolerance,))
     points = points_m(reference.depth_z_m, reference.raster)
     known = finite_points(reference.depth_z_m)
     with np.errstate(over="ignore"):
@@ -70,7 +78,7 @@ def _present(
         of_object = known & (reference.label == place[joint.object_id])
         low, high = _bounds(joint.box_cam_m)
         in_box = of_object & (points >= low).all(axis=2) & (points <= high).all(axis=2)
-        present.append(Present(object=_share(hits, of_object), part=_share(hits, in_box)))
+        present.append(Present(object=hit_share(hits, of_object), part=hit_share(hits, in_box)))
     return present
 
 
@@ -79,8 +87,3 @@ def _bounds(box_cam_m: tuple[Vector, Vector]) -> tuple[F64, F64]:
     low, high = (np.array(corner, np.float64) for corner in box_cam_m)
     slack = 1e-5 * float(np.abs([low, high]).max())
     return low - slack, high + slack
-
-
-def _share(hits: NDArray[np.bool_], where: NDArray[np.bool_]) -> float | None:
-    n = int(np.count_nonzero(where))
-    return int(np.count_nonzero(hits & where)) / n if n else None

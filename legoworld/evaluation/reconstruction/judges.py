@@ -154,12 +154,12 @@ def _aspect(judgements: Sequence[Judgement], pairs: Gaps) -> AspectAgreement:
         builder: {judge: _agreement(found) for judge, found in by_judge.items()}
         for builder, by_judge in cells.items()
     }
-    found = of_matrix(matrix, _swaps(judgements))
+    found = summarise_matrix(matrix, _swaps(judgements))
     gaps: dict[Gap, Agreement] = {gap: _agreement(by_gap[gap]) for gap in by_gap}
     return replace(found, by_gap=gaps) if pairs else found
 
 
-def of_matrix(
+def summarise_matrix(
     matrix: Mapping[str, Mapping[str, Agreement]], swaps: Mapping[str, OrderSwaps]
 ) -> AspectAgreement:
     """Self and cross means of a matrix, builder -> judge -> agreement."""

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
-from legoworld.evaluation.reconstruction.points import F64
+from legoworld.evaluation.bootstrap import GroupDraws, draw_groups, interval
 from legoworld.records.reconstruction import (
     COMPARED,
     Group,
@@ -34,23 +32,6 @@ class Measure:
     name: str
     over: Over
     value: Value
-
-
-@dataclass(frozen=True, kw_only=True)
-class Draws:
-    """Bootstrap draws over families: `counts` (draws, families), `column` of each family."""
-
-    counts: NDArray[np.int32]
-    column: dict[str, int]
-
-
-def family_draws(rows: Sequence[ReconstructionRow], draws: int, seed: int) -> Draws:
-    """Draws over the families of all cases, shared by every metric and every side."""
-    families = sorted({row.family for row in rows})
-    return Draws(
-        counts=resample_counts(len(families), draws, seed),
-        column={family: k for k, family in enumerate(families)},
-    )
 
 
 #: The second card's numbers of a case, in the order they are shown.
@@ -88,7 +69,7 @@ def _second(name: str) -> Value:
 
 
 def compute_mean(
-    measure: Measure, rows: Sequence[ReconstructionRow], draws: Draws | None = None
+    measure: Measure, rows: Sequence[ReconstructionRow], draws: GroupDraws | None = None
 ) -> Mean:
     """A measure's mean. Undefined where there is no case, or a case that lacks the number.
 
@@ -105,19 +86,13 @@ def compute_mean(
         n=len(defined),
         over=measure.over,
         interval=None
-        if draws is None or len(draws.column) < 2
-        else interval(family_means(numbers, some, draws), unit="family"),
+        if draws is None or not draws.spread
+        else interval(draws.means(numbers, [row.family for row in some]), unit="family"),
     )
 
 
-def family_means(values: F64, rows: Sequence[ReconstructionRow], draws: Draws) -> F64:
-    """(draws,) mean in each bootstrap sample; all tiers and views of a family come together."""
-    column = np.array([draws.column[row.family] for row in rows], np.int64)
-    return resampled_means(values, column, draws.counts)
-
-
 def compute_means(
-    measures: Sequence[Measure], rows: Sequence[ReconstructionRow], draws: Draws | None
+    measures: Sequence[Measure], rows: Sequence[ReconstructionRow], draws: GroupDraws | None
 ) -> Means:
     """Every measure's mean, by name."""
     return {measure.name: compute_mean(measure, rows, draws) for measure in measures}
@@ -180,9 +155,12 @@ def compute_group_means(
 def _group(
     measures: Sequence[Measure], rows: Sequence[ReconstructionRow], draws: int, seed: int
 ) -> Group:
-    families = len({row.family for row in rows})
-    drawn = family_draws(rows, draws, seed) if families > 1 else None  # one has no interval
-    return Group(cases=len(rows), families=families, metrics=compute_means(measures, rows, drawn))
+    drawn = draw_groups([row.family for row in rows], draws, seed)
+    return Group(
+        cases=len(rows),
+        families=len(drawn.column),
+        metrics=compute_means(measures, rows, drawn),
+    )
 
 
 def group_order(name: str) -> tuple[int, str]:

@@ -10,9 +10,8 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.kernels.library import check, library, pointer
-from legoworld.evaluation.reconstruction.points import Depth, Labels, Raster
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
+from legoworld.evaluation.kernels.library import check, library, pointer, pointers
+from legoworld.evaluation.reconstruction.points import Depth, Labels, Raster, Tolerance
 
 
 class _GridStruct(ctypes.Structure):
@@ -34,9 +33,7 @@ class _SurfaceStruct(ctypes.Structure):
 
     _fields_: ClassVar = [
         ("grid", _GridStruct),
-        ("depth", ctypes.c_void_p),
-        ("label", ctypes.c_void_p),
-        ("motion", ctypes.c_void_p),
+        *pointers("depth", "label", "motion"),
     ]
 
 
@@ -163,21 +160,15 @@ class _Call:
         )  # fmt: skip
 
 
-def nearest_both_ways(
-    a_depth_z_m: Depth,
-    b_depth_z_m: Depth,
-    label: Labels,
-    raster: Raster,
-    *,
-    tolerances: Sequence[Tolerance] = (),
-    lanes: int = WIDEST,
-) -> tuple[Nearest, Nearest]:
-    """`nearest_between` two (H, W) depths on one raster whose pixels have one label."""
-    a, b = (
+def share_raster(
+    first_z_m: Depth, second_z_m: Depth, label: Labels, raster: Raster
+) -> tuple[GridSurface, GridSurface]:
+    """Two depths on one raster, whose (H, W) pixels have one label."""
+    first, second = (
         GridSurface(depth_z_m=depth, label=label, raster=raster)
-        for depth in (a_depth_z_m, b_depth_z_m)
+        for depth in (first_z_m, second_z_m)
     )
-    return nearest_between(a, b, tolerances=tolerances, lanes=lanes)
+    return first, second
 
 
 def _struct(

@@ -1,4 +1,4 @@
-"""The scoring raster: which pixels are points, and where a pixel's point lies."""
+"""The scoring raster: which pixels are points, where they lie, and how far off they may be."""
 
 from __future__ import annotations
 
@@ -77,3 +77,22 @@ def pixel_of_points(points_m: F64, raster: Raster) -> NDArray[np.int64]:
     pixels = np.full(len(points_m), -1, np.int64)
     pixels[inside] = (rows[inside] * raster.width + columns[inside]).astype(np.int64)
     return pixels
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """tau(g) of a reference point g at planar depth z: relative * z + absolute_m."""
+
+    name: str
+    relative: float = 0.0
+    absolute_m: float = 0.0
+
+    def tau_m(self, z_m: F64) -> F64:
+        """The tolerance at reference points of these depths, in their shape."""
+        return self.relative * z_m + self.absolute_m
+
+
+def hit_share(hits: Flags, where: Flags) -> float | None:
+    """Share of the (H, W) pixels of `where` that hit; None without any."""
+    n = int(np.count_nonzero(where))
+    return int(np.count_nonzero(hits & where)) / n if n else None

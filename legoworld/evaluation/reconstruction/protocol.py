@@ -1,4 +1,7 @@
-"""The bench protocol as its card declares it; a card that declares something else is refused."""
+"""The bench protocol as its card declares it, and what the command line decides.
+
+A card that declares something else is refused.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import Any, Final
 
 from legoworld.cards import Card, load_card
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
+from legoworld.evaluation.reconstruction.points import Tolerance
 from legoworld.tasks.shipped import BENCH
 
 _FIXED: Final[dict[str, Any]] = {
@@ -103,3 +106,11 @@ def _percent(share: float) -> str:
 def _centimetres(metres: float) -> str:
     """F_5cm and F_10cm: the same distance at every depth."""
     return f"F_{100 * metres:g}cm"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """sampling: of the reference, raster, all or random:SEED; diagnostics: beside R, or R alone."""
+
+    sampling: str = "raster"
+    diagnostics: bool = True

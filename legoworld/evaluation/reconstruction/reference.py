@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.read_depth import npz_arrays
 from legoworld.errors import UsageError, cause
-from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
+from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders, BenchTruthError
 from legoworld.evaluation.reconstruction.points import (
     F64,
     Depth,

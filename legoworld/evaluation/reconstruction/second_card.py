@@ -14,11 +14,15 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.evaluation.reconstruction import appearance
-from legoworld.evaluation.reconstruction.dataset import BenchCase, BenchFolders, read_record
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
+from legoworld.evaluation.reconstruction.dataset import (
+    BenchCase,
+    BenchFolders,
+    BenchTruthError,
+    read_record,
+)
 from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores_on_rasters
 from legoworld.evaluation.reconstruction.integrity import make_flag
-from legoworld.evaluation.reconstruction.nearest import GridSurface
+from legoworld.evaluation.reconstruction.nearest import share_raster
 from legoworld.evaluation.reconstruction.picture_cache import resized_reference
 from legoworld.evaluation.reconstruction.points import (
     Depth,
@@ -155,16 +159,9 @@ def _r(
 ) -> float:
     """R's own card through another grid."""
     label = index_labels(ours[f"{name}_instance"], case.truth.scored)
-    reference, submitted = (
-        GridSurface(depth_z_m=depth, label=label, raster=raster)
-        for depth in (
-            kept_depth(ours[f"{name}_depth_z_m"], protocol.depth_limit_m),
-            theirs[f"{name}_depth_z_m"],
-        )
-    )
-    scores = scores_on_rasters(reference, submitted, len(case.truth.scored), (protocol.headline,))[
-        0
-    ]
+    ours_z_m = kept_depth(ours[f"{name}_depth_z_m"], protocol.depth_limit_m)
+    surfaces = share_raster(ours_z_m, theirs[f"{name}_depth_z_m"], label, raster)
+    (scores,) = scores_on_rasters(*surfaces, len(case.truth.scored), (protocol.headline,))
     return mean_f1(scores) or 0.0
 
 

@@ -16,7 +16,7 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.depth_files.read_depth import npz_arrays
 from legoworld.errors import cause
 from legoworld.evaluation.reconstruction.appearance import Picture, PictureError, decode_picture
-from legoworld.evaluation.reconstruction.errors import SubmissionFileError
+from legoworld.evaluation.reconstruction.dataset import SubmissionFileError
 from legoworld.evaluation.reconstruction.points import Depth, Raster
 from legoworld.evaluation.run import Run, RunUnusableError, read_family_run
 from legoworld.records.base import UNSET, RecordError, decode_lines

@@ -8,19 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from legoworld.evaluation.bootstrap import LEVEL
-from legoworld.evaluation.reconstruction.articulation import articulation_score, sum_counts
-from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
-from legoworld.evaluation.reconstruction.choices import Choices
+from legoworld.evaluation.bootstrap import LEVEL, draw_groups
+from legoworld.evaluation.reconstruction.articulation import (
+    articulation_rules,
+    articulation_score,
+    sum_counts,
+)
 from legoworld.evaluation.reconstruction.integrity import FlagThresholds, view_drop
 from legoworld.evaluation.reconstruction.means import (
     compute_group_means,
     compute_means,
     diagnostic_means,
-    family_draws,
     headline,
 )
-from legoworld.evaluation.reconstruction.protocol import BenchProtocol
+from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.records.base import UNSET, UnsetType, as_json, to_record
 from legoworld.records.bench_dataset import ArticulationSummary
 from legoworld.records.evaluation_summary import Evaluator, NotScored
@@ -57,7 +58,7 @@ def summarise(
 ) -> ReconstructionSummary:
     """The summary of the rows of every attempted case, ascending image id."""
     measures = headline([t.name for t in protocol.others], second=protocol.x is not None)
-    draws = family_draws(rows, settings.draws, settings.seed)
+    draws = draw_groups([row.family for row in rows], settings.draws, settings.seed)
     return ReconstructionSummary(
         task=protocol.card.task,
         kind=kind,
@@ -147,7 +148,7 @@ def _not_scored(row: ReconstructionRow) -> NotScored:
 
 def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> list[CaseFlag]:
     """Each case's own, then views of a family and tier whose A falls from the first one's."""
-    flags = [_of_case(row, flag) for row in rows for flag in row.flags]
+    flags = [_case_flag(row, flag) for row in rows for flag in row.flags]
     first: dict[tuple[str, str | None], ReconstructionRow] = {}
     for row in sorted(rows, key=lambda row: row.view):
         if not row.valid or row.A is None:
@@ -155,9 +156,9 @@ def _flags(rows: Sequence[ReconstructionRow], thresholds: FlagThresholds) -> lis
         before = first.setdefault((row.family, row.tier), row)
         if before is not row and before.A is not None:
             drop = view_drop(before.A, row.A, thresholds)
-            flags += [_of_case(row, drop)] if drop else []
+            flags += [_case_flag(row, drop)] if drop else []
     return sorted(flags, key=lambda flag: (flag.image_id, flag.kind, flag.what))
 
 
-def _of_case(row: ReconstructionRow, flag: Flag) -> CaseFlag:
+def _case_flag(row: ReconstructionRow, flag: Flag) -> CaseFlag:
     return CaseFlag(image_id=row.image_id, file_name=row.file_name, **as_json(flag))

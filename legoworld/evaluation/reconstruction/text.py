@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from legoworld.evaluation.metrics import MetricPart, MetricRow, number
+from legoworld.evaluation.metrics import (
+    MetricPart,
+    MetricRow,
+    bounds,
+    describe_evaluator,
+    first_few,
+    fraction,
+    number_cell,
+)
 from legoworld.evaluation.reconstruction.means import SECOND
-from legoworld.evaluation.short_text import bounds, describe_evaluator, first_few, fraction
 from legoworld.pluralize import plural
 from legoworld.records.reconstruction import (
     Group,
@@ -151,7 +158,7 @@ def _rows(found: Means) -> list[MetricRow]:
     return [
         MetricRow(
             name=name,
-            number=number(found[name].value, found[name].interval),
+            number=number_cell(found[name].value, found[name].interval),
             over=f"{plural(found[name].n, 'case', 'cases')}, {found[name].over}",
         )
         for name in names

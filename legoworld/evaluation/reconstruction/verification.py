@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
 from legoworld.cards import load_card
-from legoworld.evaluation.checks import Check, find_input
-from legoworld.evaluation.evidence import agreement
+from legoworld.evaluation.checks import Check
+from legoworld.evaluation.evidence import agreement, check_summary
+from legoworld.evaluation.family import RecordedEvaluation
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
-from legoworld.evaluation.reconstruction.choices import Choices
 from legoworld.evaluation.reconstruction.dataset import read_dataset
 from legoworld.evaluation.reconstruction.evaluate import case_tasks, second_card
-from legoworld.evaluation.reconstruction.protocol import bench_protocol
+from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.records.base import as_json
-from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.reconstruction import BenchEvidence, ReconstructionRow, ReconstructionSummary
 from legoworld.workers.tasks import IN_PROCESS
 
@@ -27,16 +24,15 @@ from legoworld.workers.tasks import IN_PROCESS
 SCORED_AGAIN: Final = 10
 
 
-def bench_checks(
-    folder: Path,
-    evidence: BenchEvidence,
-    summary: ReconstructionSummary,
-    rows: Sequence[ReconstructionRow],
-) -> Iterator[Check]:
-    """Means, intervals and counts of the summary against those that follow from the rows."""
+def verify_bench(recorded: RecordedEvaluation) -> Iterator[Check]:
+    """The summary against the one that follows from the rows, and rows from run and dataset.
+
+    Up to `SCORED_AGAIN` rows are scored again where run and private half are here.
+    """
+    summary = cast("ReconstructionSummary", recorded.summary)
     rules = summary.protocol
     again = summarise(
-        rows,
+        cast("Sequence[ReconstructionRow]", recorded.rows),
         kind=str(summary.kind),
         partial=summary.partial,
         protocol=bench_protocol(load_card(summary.task)),
@@ -47,34 +43,23 @@ def bench_checks(
             seed=summary.bootstrap.seed,
         ),
     )
-    # All that the file says: a key that no reader knows follows from no row.
-    recomputed, recorded = as_json(again), json.loads((folder / SUMMARY).read_bytes())
-    for key in sorted({*recomputed, *recorded}):
-        yield agreement(f"{key} from the rows", recomputed.get(key), recorded.get(key))
+    yield from check_summary(recorded, again)
     raw = {name: mean.value for name, mean in summary.metrics.items()}
+    evidence = cast("BenchEvidence", recorded.evidence)
     yield agreement("metrics in the evidence", evidence.metrics, raw)
+    if recorded.inputs_hold:
+        yield from _rescore_cases(recorded, evidence)
 
 
-def bench_rows(
-    folder: Path, evidence: BenchEvidence, rows: Sequence[ReconstructionRow], root: Path | None
-) -> Iterator[Check]:
-    """Up to `SCORED_AGAIN` rows, scored again from the run and the private half."""
-    run = read_bench_run(_input(folder, evidence, "run", root).parent)
-    dataset = read_dataset(_input(folder, evidence, "truth", root).parent)
+def _rescore_cases(recorded: RecordedEvaluation, evidence: BenchEvidence) -> Iterator[Check]:
+    run = read_bench_run(recorded.input("run").parent)
+    dataset = read_dataset(recorded.input("truth").parent)
     asked = evidence.configuration
     choices = Choices(sampling=asked.reference_sampling, diagnostics=asked.diagnostics)
     protocol = bench_protocol(load_card(run.run.task))
     second = second_card(dataset, protocol)
     tasks = case_tasks(run, dataset, protocol, choices, second)
     some = tasks[:: max(1, math.ceil(len(tasks) / SCORED_AGAIN))]
-    recorded = {row.image_id: as_json(row) for row in rows}
+    stored = {row.image_id: as_json(row) for row in recorded.rows}
     for row in scored_cases(seen_tasks(some), IN_PROCESS):
-        place = recorded.get(row.image_id)
-        yield agreement(f"row of image {row.image_id}", as_json(row), place)
-
-
-def _input(folder: Path, evidence: BenchEvidence, role: str, root: Path | None) -> Path:
-    entry = next(entry for entry in evidence.inputs if entry.role == role)
-    path = find_input(folder, entry.path, root)
-    assert path is not None
-    return path
+        yield agreement(f"row of image {row.image_id}", as_json(row), stored.get(row.image_id))

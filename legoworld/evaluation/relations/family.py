@@ -1,34 +1,121 @@
-"""The evaluation of relations: questions of the truth, answered by a run."""
+"""The evaluation of relations: questions of the truth, answered by a run.
+
+Numbers are ratios of sums over rows, with intervals over images.
+"""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from legoworld.cards import load_card
-from legoworld.evaluation.bootstrap import check_draws
-from legoworld.evaluation.checks import Check, find_input
-from legoworld.evaluation.evidence import agreement
-from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, RecordedEvaluation
-from legoworld.evaluation.metrics import MetricPart, MetricRow, number
-from legoworld.evaluation.prepare_inputs import prepared_inputs
+from legoworld.evaluation.bootstrap import check_draws, interval, resample_counts, weighted_sums
+from legoworld.evaluation.checks import Check
+from legoworld.evaluation.evidence import agreement, check_summary
+from legoworld.evaluation.family import (
+    EvaluationFamily,
+    EvaluationRequest,
+    RecordedEvaluation,
+    prepare_inputs,
+)
+from legoworld.evaluation.metrics import (
+    MetricPart,
+    MetricRow,
+    bounds,
+    describe_evaluator,
+    fraction,
+    image_counts,
+    number_cell,
+)
 from legoworld.evaluation.relations.rows import scored_images
-from legoworld.evaluation.relations.summary import METRICS, POLICIES, metrics
 from legoworld.evaluation.relations.truth import read_truth
 from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
-from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
 from legoworld.pluralize import plural
-from legoworld.records.base import UNSET, as_json
+from legoworld.records.base import UNSET, as_json, number
 from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
-from legoworld.records.folders.read_evaluation import SUMMARY
 from legoworld.records.folders.read_run import ROWS, RUN
-from legoworld.records.relations import RelationsEvidence, RelationsRow, RelationsSummary
+from legoworld.records.relations import (
+    Metric,
+    RelationsEvidence,
+    RelationsRow,
+    RelationsSummary,
+    Sums,
+)
 from legoworld.tasks.shipped import RELATIONS
+
+Floats = NDArray[np.float64]
+
+#: Metrics in display order, and whether a guess and the prior have a value of it.
+METRICS: Final = {
+    "accuracy": True,
+    "chance_adjusted": True,
+    "accuracy_answered": True,
+    "answered": False,
+    "count_exact": True,
+    "count_error": False,
+    "mra": True,
+    "refer_50": True,
+}
+POLICIES: Final = ("answers", "chance", "blind")
+_NOTHING: Final = Sums(n=0, score=0.0, chance=0.0, blind=0.0)
+
+
+def metric_sums(name: str, rows: Sequence[RelationsRow]) -> list[Sums]:
+    """A metric's sums of each row; of a relation, those of its accuracy."""
+    known = "accuracy" if name == "chance_adjusted" else name
+    return [row.sums.get(known) or row.by_relation.get(known, _NOTHING) for row in rows]
+
+
+def ratios(name: str, of_rows: Sequence[Sums], sum_up: Callable[[Floats], Floats]) -> Floats:
+    """(3, ...) a metric of the answers, a guess and the prior; NaN where nothing is asked.
+
+    sum_up: sums over rows, (rows,), or over resampled rows.
+    """
+    columns = np.array([(s.n, s.score, s.chance, s.blind) for s in of_rows], np.float64)
+    n, *sums = (sum_up(column) for column in columns.reshape(-1, 4).T)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = np.stack(sums) / n
+        if name == "chance_adjusted":  # how much of what a guess leaves is gained
+            shares = (shares - shares[1]) / (1 - shares[1])
+    return np.asarray(shares)
+
+
+def values(name: str, of_rows: Sequence[Sums]) -> Floats:
+    """(3,) a metric over all rows."""
+    return ratios(name, of_rows, lambda column: column.sum(keepdims=True))[:, 0]
+
+
+def metrics(
+    names: Sequence[str], rows: Sequence[RelationsRow], draws: int, seed: int
+) -> dict[str, Metric]:
+    """The metrics, or relations, of which something was asked."""
+    counts = resample_counts(len(rows), draws, seed) if len(rows) > 1 else None
+    found = {}
+    for name in names:
+        of_rows = metric_sums(name, rows)
+        answers, chance, blind = map(number, values(name, of_rows).tolist())
+        guessed, n = METRICS.get(name, True), sum(s.n for s in of_rows)
+        if not n:
+            continue
+        around = None
+        if counts is not None:
+            drawn = ratios(name, of_rows, lambda column: weighted_sums(counts, column))[0]
+            around = interval(drawn, unit="image")
+        found[name] = Metric(
+            n=n,
+            answers=answers,
+            chance=chance if guessed else None,
+            blind=blind if guessed else None,
+            interval=around,
+        )
+    return found
 
 
 def _read_run(path: Path) -> Run:
@@ -76,14 +163,7 @@ def _evaluate(request: EvaluationRequest) -> RelationsSummary:
         for row in read_rows(run)
         if row.answer is not UNSET
     ]
-    inputs = prepared_inputs(
-        request.output,
-        files,
-        configuration,
-        run=run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
-    )
+    inputs = prepare_inputs(request, run.folder, files, configuration)
     rows: list[RelationsRow] = []
     views: dict[str, Any] = {"run.json": run_view(run)}
     for image in scored_images(run, truth):
@@ -118,24 +198,14 @@ def _verify(recorded: RecordedEvaluation) -> Iterator[Check]:
         draws=settings.draws,
         seed=settings.seed,
     )
-    made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())
-    for key in sorted({*made, *written}):
-        yield agreement(f"{key} from the rows", made.get(key), written.get(key))
+    yield from check_summary(recorded, again)
     evidence = cast("RelationsEvidence", recorded.evidence)
-    yield agreement("metrics in the evidence", as_json(evidence.metrics), made["metrics"])
+    yield agreement("metrics in the evidence", as_json(evidence.metrics), as_json(again.metrics))
     if recorded.inputs_hold:
-        found = {
-            entry.role: find_input(recorded.folder, entry.path, recorded.root)
-            for entry in reversed(recorded.evidence.inputs)
-        }
-        run, truth = found["run"], found["truth"]
-        assert run is not None
-        assert truth is not None
-        source = truth.parent if "truth_facts" in found else truth
-        rows = [
-            image.row
-            for image in scored_images(_read_run(run.parent), read_truth(source, summary.task))
-        ]
+        run, truth = _read_run(recorded.input("run").parent), recorded.input("truth")
+        of_scenes = any(entry.role == "truth_facts" for entry in recorded.evidence.inputs)
+        source = read_truth(truth.parent if of_scenes else truth, summary.task)
+        rows = [image.row for image in scored_images(run, source)]
         yield agreement("rows from the answers", as_json(rows), as_json(list(recorded.rows)))
 
 
@@ -164,7 +234,7 @@ def _metrics(summary: RelationsSummary) -> list[MetricPart]:
                 MetricRow(
                     name=name,
                     policy=policy,
-                    number=number(value, metric.interval if policy == "answers" else None),
+                    number=number_cell(value, metric.interval if policy == "answers" else None),
                     over=plural(metric.n, "question", "questions"),
                 )
                 for name, metric in found.items()

@@ -53,14 +53,14 @@ def make_questions(
 ) -> list[TrueAnswer]:
     """The questions of one picture. categories: of the vocabulary, for what is not there."""
     asker = _Asker(base=FactBase(facts), scene=scene, image_id=image_id)
-    made = [one for name in ASKED for one in asker.balanced(name, asker.relation(name))]
-    made += asker.balanced("exists", asker.exists(categories))
-    made += asker.drawn("count", asker.counts(), PER_RELATION)
-    made += asker.drawn("nearest_to", asker.nearest(), PER_RELATION // 2)
-    made += asker.drawn("closest_to_camera", asker.closest(), PER_RELATION // 2)
-    made += asker.drawn("distance", asker.distances(), PER_RELATION // 2)
-    made += asker.drawn("height", asker.heights(), PER_RELATION // 2)
-    made += asker.drawn("refer", asker.expressions(), PER_RELATION)
+    made = [one for name in ASKED for one in asker.balance(name, asker.relation(name))]
+    made += asker.balance("exists", asker.exists(categories))
+    made += asker.draw("count", asker.counts(), PER_RELATION)
+    made += asker.draw("nearest_to", asker.nearest(), PER_RELATION // 2)
+    made += asker.draw("closest_to_camera", asker.closest(), PER_RELATION // 2)
+    made += asker.draw("distance", asker.distances(), PER_RELATION // 2)
+    made += asker.draw("height", asker.heights(), PER_RELATION // 2)
+    made += asker.draw("refer", asker.expressions(), PER_RELATION)
     return [
         replace(one, question=replace(one.question, id=f"{scene}-{n:03}"))
         for n, one in enumerate(made, start=1)
@@ -85,18 +85,18 @@ class _Asker:
                     names.setdefault(thing.id, name)
         return names
 
-    def drawn(self, template: str, made: Iterable[TrueAnswer], most: int) -> list[TrueAnswer]:
+    def draw(self, template: str, made: Iterable[TrueAnswer], most: int) -> list[TrueAnswer]:
         """At most so many of a template's questions."""
         drawn = list(made)
         self._random(template).shuffle(drawn)
         return drawn[:most]
 
-    def balanced(self, template: str, made: Iterable[TrueAnswer]) -> list[TrueAnswer]:
+    def balance(self, template: str, made: Iterable[TrueAnswer]) -> list[TrueAnswer]:
         """As many that are true as that are false."""
-        every = self.drawn(template, made, len(self.names) ** 2 + 1000)
+        every = self.draw(template, made, len(self.names) ** 2 + 1000)
         true, false = ([one for one in every if one.answer is value] for value in (True, False))
         most = min(len(true), len(false), PER_RELATION // 2)
-        return self.drawn(template, true[:most] + false[:most], PER_RELATION)
+        return self.draw(template, true[:most] + false[:most], PER_RELATION)
 
     def _random(self, template: str) -> random.Random:
         digest = hashlib.sha256(f"{SEED}/{self.scene}/{template}".encode()).digest()

@@ -16,12 +16,12 @@ from legoworld.errors import cause
 from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
 from legoworld.evaluation.label_maps.family import MapTruth, MapTruthError
 from legoworld.evaluation.label_maps.png import read_ids, read_values
-from legoworld.evaluation.panoptic.quality import places
+from legoworld.evaluation.panoptic.family import places
 from legoworld.evaluation.panoptic.truth import TrueSegments, pictures, read_truth, true_segments
 from legoworld.evaluation.run import Run
 from legoworld.files import names_a_file
+from legoworld.readouts.family import protocol
 from legoworld.readouts.label_maps import BACKGROUND, NO_CLASS
-from legoworld.readouts.protocol import protocol
 from legoworld.records.base import RecordError, read_json
 from legoworld.records.run_rows import RunImage
 from legoworld.tracks.vocabulary import Vocabulary, from_json, make_vocabulary

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.depth.alignment import (
+from legoworld.evaluation.depth.scoring import (
     Moments,
     aligned_z,
     compute_moments,

@@ -31,7 +31,7 @@ from legoworld.evaluation.depth.eth3d import parse_scene_name, training_images
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.evidence import verify
-from legoworld.evaluation.pixels.view import decode_array
+from legoworld.evaluation.pixels.resampling import decode_array
 from legoworld.evaluation.run import RunUnusableError
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import as_json, decode

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from legoworld import cli
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.evaluation.depth.declaration import Declaration
+from legoworld.evaluation.depth.arrays import Declaration
 from legoworld.evaluation.depth.labelled import read_labelled
 
 pytestmark = pytest.mark.real_data

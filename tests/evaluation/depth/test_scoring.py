@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from legoworld.cards import load_card
 from legoworld.evaluation.depth import scoring
 from legoworld.evaluation.depth.arrays import DepthArray, Space
-from legoworld.evaluation.depth.metrics import error_sums
-from legoworld.evaluation.depth.protocol import depth_protocol
+from legoworld.evaluation.depth.protocol import depth_protocol, error_sums
 from legoworld.evaluation.depth.rows import worse_than_constant
 from legoworld.evaluation.depth.scoring import ImageScore, score_image
 from legoworld.evaluation.pixels.resampling import SampledPrediction, sampler

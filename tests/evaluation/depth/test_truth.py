@@ -10,8 +10,7 @@ import pytest
 from evaluation.depth.folders import plane, write_arrays, write_eth3d
 
 from legoworld.depth_files.errors import DepthFileError
-from legoworld.evaluation.depth.arrays import DepthTruthError
-from legoworld.evaluation.depth.declaration import read_declaration
+from legoworld.evaluation.depth.arrays import DepthTruthError, read_declaration
 from legoworld.evaluation.depth.eth3d import (
     find_calibration,
     parse_scene_name,

@@ -16,8 +16,9 @@ from pycocotools import mask as coco_mask
 from strategies import blobs, chunks
 
 from legoworld.evaluation.detection.inputs.masks import areas_px
-from legoworld.evaluation.detection.matching.chunks import Chunk, Chunks
-from legoworld.evaluation.detection.matching.compiled_matching import (
+from legoworld.evaluation.detection.matching.matches import (
+    Chunk,
+    Chunks,
     match_chunk_states,
     pair_chunk,
 )
@@ -62,7 +63,7 @@ def test_made_up_overlaps_full_of_ties():
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 @pytest.mark.parametrize("seed", range(4))
 def test_tracks_with_crowds_areas_and_gaps(task, seed, tmp_path, monkeypatch):
-    monkeypatch.setattr("legoworld.evaluation.detection.matching.chunks._CHUNK_DETECTIONS", 30)
+    monkeypatch.setattr("legoworld.evaluation.detection.matching.matches._CHUNK_DETECTIONS", 30)
     document = random_truth(task, seed=seed, images=25, per_image=8)
     predictions = random_predictions(task, document, seed=seed, per_image=20, levels=5)
     protocol, truth, predictions = checked(tmp_path, task, document, predictions)

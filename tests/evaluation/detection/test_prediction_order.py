@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
+from legoworld.evaluation.detection.inputs.masks import pack_texts
 from legoworld.evaluation.detection.inputs.prediction_columns import make_columns
 from legoworld.evaluation.detection.inputs.prediction_order import canonical_key, in_order
-from legoworld.evaluation.detection.inputs.texts import pack_texts
 from legoworld.files import canonical_json
 from legoworld.records.base import to_record
 from legoworld.records.predictions import Prediction

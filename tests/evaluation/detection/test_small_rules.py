@@ -9,12 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from legoworld.evaluation.detection.inputs.amodal_truth import _region, check_amodal
 from legoworld.evaluation.detection.inputs.truth import (
     TruthMismatchError,
     _check_same_photo,
     _number_annotations,
 )
+from legoworld.evaluation.detection.payloads.amodal import _region, check_amodal
 from legoworld.evaluation.detection.payloads.boxes3d import _frame_fault
 from legoworld.evaluation.detection.text import _space_line
 from legoworld.evaluation.run import RunImage

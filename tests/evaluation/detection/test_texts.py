@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from legoworld.evaluation.detection.inputs.texts import TextBuilder, pack_texts
+from legoworld.evaluation.detection.inputs.masks import TextBuilder, pack_texts
 
 WORDS = ["", "abc", "\u00e9\u20ac", "", "x" * 300, "\ud800half", "end"]
 
@@ -26,7 +26,7 @@ def test_they_are_the_sequence():
 def test_those_at_some_places(monkeypatch):
     texts = pack_texts(WORDS)
     for block in (1, 2, 1 << 20):
-        monkeypatch.setattr("legoworld.evaluation.detection.inputs.texts._BLOCK", block)
+        monkeypatch.setattr("legoworld.evaluation.detection.inputs.masks._BLOCK", block)
         places = np.array([6, 1, 1, 5, 0, 2], np.int64)
         assert list(texts.take(places)) == [WORDS[k] for k in places]
         assert list(texts.take(places[:0])) == []

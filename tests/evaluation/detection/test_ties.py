@@ -26,8 +26,12 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
-from legoworld.evaluation.detection.ranking.random_orders import random_orders
-from legoworld.evaluation.detection.ranking.ties import _ranking, order_aps, tie_orders
+from legoworld.evaluation.detection.ranking.ties import (
+    _ranking,
+    order_aps,
+    random_orders,
+    tie_orders,
+)
 
 COCO = detection_protocol("coco")
 
@@ -226,5 +230,5 @@ def test_the_number_of_threads_changes_no_bit(tmp_path, monkeypatch):
     )
     whole = order_aps(table, draws=200, seed=0)
     assert whole.std() > 0
-    monkeypatch.setattr("legoworld.evaluation.category_threads._MOST_THREADS", 1)
+    monkeypatch.setattr("legoworld.evaluation.kernels.library._MOST_THREADS", 1)
     np.testing.assert_array_equal(order_aps(table, draws=200, seed=0), whole)

@@ -111,7 +111,7 @@ def read(folder, task, truth, whole=None):
     """The truth for a run over the images of a whole one."""
     predictions = random_predictions(task, whole or truth, seed=6)
     run = read_run(write_run(folder / "run", task, whole or truth, predictions))
-    return read_truth(write_truth(folder / "truth.json", truth), run, detection_protocol(task))
+    return read_truth(write_truth(folder / "truth.json", truth), detection_protocol(task), run)
 
 
 def broken_truth(name):
@@ -214,7 +214,7 @@ def test_a_truth_of_brackets_is_no_document(tmp_path):
     path = tmp_path / "truth.json"
     path.write_text("[" * 50_000 + "]" * 50_000)
     with pytest.raises(TruthInvalidError, match="cannot be read"):
-        read_truth(path, run, detection_protocol("coco"))
+        read_truth(path, detection_protocol("coco"), run)
 
 
 @pytest.mark.real_data

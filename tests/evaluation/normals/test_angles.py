@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies
 
-from legoworld.evaluation.normals.angles import (
+from legoworld.evaluation.normals.arrays import NormalsArray
+from legoworld.evaluation.normals.pooling import MEDIAN, Middle, _is_within, own_fields
+from legoworld.evaluation.normals.protocol import (
     angular_errors,
     bin_errors,
     image_metrics,
     sum_errors,
 )
-from legoworld.evaluation.normals.arrays import NormalsArray
-from legoworld.evaluation.normals.pooling import MEDIAN, Middle, _is_within, own_fields
 from legoworld.evaluation.pixels.family import Settings
 from legoworld.evaluation.pixels.resampling import sampler
 

@@ -14,7 +14,7 @@ from legoworld.depth_files.errors import DepthFileError
 from legoworld.errors import LegoWorldError
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.normals.arrays import Declaration, NormalsTruthError, read_normals
-from legoworld.evaluation.normals.text import normals_metrics, short_normals
+from legoworld.evaluation.normals.family import normals_metrics, short_normals
 from legoworld.evaluation.pixels import evaluate as pixels_evaluate
 from legoworld.files import sha256_of_file
 from legoworld.readouts.normals import NORMALS_FILE

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from legoworld.evaluation.panoptic.quality import count_segments, panoptic_values, places
+from legoworld.evaluation.panoptic.family import count_segments, panoptic_values, places
 from legoworld.records.coco_file import SegmentInfo
 
 hotcoco = pytest.importorskip("hotcoco.panoptic")

@@ -7,12 +7,17 @@ import json
 
 import numpy as np
 import pytest
-from evaluation.reconstruction.datasets import NOTHING, Submission, write_dataset, write_run
+from evaluation.reconstruction.datasets import (
+    NOTHING,
+    Submission,
+    evaluate_bench,
+    write_dataset,
+    write_run,
+)
 from msgspec.structs import replace
 from PIL import Image
 
 from legoworld.evaluation.reconstruction import appearance, picture_cache
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.records.submission import CameraPlane, ImageTexture, TextBlock
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import (
     Submission,
+    evaluate_bench,
     scene,
     small_raster,
     write_dataset,
@@ -19,13 +20,12 @@ from msgspec.structs import replace
 from legoworld.evaluation.reconstruction.articulation import (
     Present,
     _iou,
+    articulation_rules,
     articulation_score,
     count_joints,
     match_joints,
     none_found,
 )
-from legoworld.evaluation.reconstruction.articulation_card import articulation_rules
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
 from legoworld.evaluation.reconstruction.joints import _present
 from legoworld.evaluation.reconstruction.points import points_m
 from legoworld.records.base import UNSET, as_json, decode, decode_lines, readable, to_record

@@ -13,6 +13,7 @@ from evaluation.reconstruction.datasets import (
     OK,
     VALID,
     Submission,
+    evaluate_bench,
     sha256,
     write_dataset,
     write_run,
@@ -23,9 +24,7 @@ from legoworld import cli
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.reconstruction import case_tasks
-from legoworld.evaluation.reconstruction.choices import Choices
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.dataset import BenchTruthError
 from legoworld.evaluation.run import RunUnusableError
 from legoworld.records.submission import Check
 from legoworld.workers.tasks import WorkerPool
@@ -269,7 +268,7 @@ class TestRefusals:
         run = write_run(tmp_path / "run", dataset)
         with pytest.raises(UsageError, match="raster, all or random:SEED"):
             evaluate_bench(
-                run, dataset.private, tmp_path / "eval", choices=Choices(sampling=sampling)
+                run, dataset.private, tmp_path / "eval", options={"reference_sampling": sampling}
             )
 
     def test_options_of_other_tasks(self, dataset, tmp_path, capsys):
@@ -289,8 +288,8 @@ def test_the_same_again_is_the_same_bytes_for_any_workers(dataset, tmp_path, mon
     for name in ("summary.json", "per_image.jsonl", "evidence.json"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     with pytest.raises(ConfigurationMismatchError, match="diagnostics"):
-        evaluated(dataset, run, tmp_path / "one", choices=Choices(diagnostics=False))
-    evaluated(dataset, run, tmp_path / "one", choices=Choices(diagnostics=False), overwrite=True)
+        evaluated(dataset, run, tmp_path / "one", options={"diagnostics": False})
+    evaluated(dataset, run, tmp_path / "one", options={"diagnostics": False}, overwrite=True)
 
 
 class TestEvidence:
@@ -357,7 +356,7 @@ class TestImportedTruth:
     def test_the_paper_s_other_reading(self, dataset, tmp_path, sampling):
         run = write_run(tmp_path / "run", dataset)
         summary, rows = evaluated(dataset, run, tmp_path / "eval",
-                                  choices=Choices(sampling=sampling))  # fmt: skip
+                                  options={"reference_sampling": sampling})  # fmt: skip
         assert summary.protocol.reference_sampling == sampling
         assert arrays_hashed(tmp_path / "eval", dataset) == {
             "raster": 8, "depth": 8, "instances": 8,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from legoworld.evaluation.reconstruction.camera_error import camera_error
+from legoworld.evaluation.reconstruction.case import camera_error
 
 
 def placed(rotation, at):

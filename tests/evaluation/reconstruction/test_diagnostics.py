@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import (
     Submission,
+    evaluate_bench,
     small_raster,
     write_dataset,
     write_run,
@@ -21,10 +22,13 @@ from legoworld.evaluation.reconstruction.aligned import (
     median_scaled,
     trimmed_icp,
 )
-from legoworld.evaluation.reconstruction.correspondence import on_one_raster
-from legoworld.evaluation.reconstruction.diagnostics import chamfer_over_diagonal, voxel_ious
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.fscore import (
+    chamfer_over_diagonal,
+    match_surfaces,
+    voxel_ious,
+)
 from legoworld.evaluation.reconstruction.integrity import correlation
+from legoworld.evaluation.reconstruction.nearest import share_raster
 from legoworld.evaluation.reconstruction.points import finite_points, points_m
 
 RANDOM = np.random.default_rng(7)
@@ -162,14 +166,14 @@ def test_chamfer_over_the_diagonal():
     depth = np.full((raster.height, raster.width), 2.0, np.float32)
     label = np.zeros(depth.shape, np.int32)
     nearer = depth * np.float32(0.9)
-    pairs = on_one_raster(depth, nearer, label, raster)
+    pairs = match_surfaces(*share_raster(depth, nearer, label, raster))
     points = points_m(depth, raster)[finite_points(depth)]
     both = np.mean(pairs.reference_distance_m) + np.mean(pairs.submitted_distance_m)
     diagonal = np.linalg.norm(np.ptp(points, axis=0))
     assert chamfer_over_diagonal(pairs, points) == pytest.approx(both / 2 / diagonal, rel=1e-12)
     assert both / 2 == pytest.approx(0.2, rel=0.05)
     assert chamfer_over_diagonal(pairs, points[:1]) is None
-    nothing = on_one_raster(depth, np.full_like(depth, np.inf), label, raster)
+    nothing = match_surfaces(*share_raster(depth, np.full_like(depth, np.inf), label, raster))
     assert chamfer_over_diagonal(nothing, points) is None
 
 
@@ -228,7 +232,7 @@ def test_pairs_of_a_moving_cloud_are_those_of_a_fresh_tree(decimals):
     target, moving = np.round(random.normal(size=(2, 300, 3)), decimals)
     pairs = aligned.MovingPairs(target)
     for step in range(8):
-        distance, place = pairs.of(moving)
+        distance, place = pairs.query(moving)
         apart = np.linalg.norm(moving[:, None] - target[None], axis=-1)
         np.testing.assert_allclose(distance, apart.min(axis=1), rtol=1e-12)
         np.testing.assert_allclose(

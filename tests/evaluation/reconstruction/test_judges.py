@@ -7,7 +7,11 @@ import json
 import pytest
 
 from legoworld import cli
-from legoworld.evaluation.reconstruction.judges import JudgementsError, judge_agreement, of_matrix
+from legoworld.evaluation.reconstruction.judges import (
+    JudgementsError,
+    judge_agreement,
+    summarise_matrix,
+)
 from legoworld.records.bench_results import Agreement
 
 NAMES = ("astra", "6-sol", "6-luna", "5.6-sol", "5.6-terra", "5.6-luna")
@@ -67,7 +71,7 @@ def test_the_published_means_are_of_the_printed_cells(place, own, cross, above):
                   for j, c in zip(NAMES, row, strict=True)}
         for builder, row in zip(NAMES, cells, strict=True)
     }  # fmt: skip
-    found = of_matrix(matrix, {})
+    found = summarise_matrix(matrix, {})
     assert round(100 * found.self_mean, 2) == own
     assert round(100 * found.cross_mean, 2) == cross
     assert found.self_above_others == above
@@ -99,7 +103,7 @@ def test_a_swapped_order_shows_who_follows_the_place(tmp_path):
 
 def test_a_judge_that_is_level_with_the_others_is_not_above_them():
     half = Agreement(agreed=1, n=2, share=0.5)
-    assert of_matrix({"a": {"a": half, "b": half}}, {}).self_above_others == 0
+    assert summarise_matrix({"a": {"a": half, "b": half}}, {}).self_above_others == 0
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from legoworld.evaluation.bootstrap import draw_groups
 from legoworld.evaluation.reconstruction.means import (
     compute_group_means,
     compute_mean,
     compute_means,
-    family_draws,
-    family_means,
     headline,
     mean_and_sd,
 )
@@ -99,8 +98,8 @@ def test_tiers_are_weighted_by_their_inputs():
 
 def test_families_are_drawn_whole():
     rows = [row(k, r=float(k // 6), a=0.0, family=f"f{k // 6}") for k in range(12)]
-    draws = family_draws(rows, 2000, 0)
-    samples = family_means(np.array([r.R for r in rows]), rows, draws)
+    draws = draw_groups([r.family for r in rows], 2000, 0)
+    samples = draws.means(np.array([r.R for r in rows]), [r.family for r in rows])
     assert set(np.round(samples, 6)) == {0.0, 0.5, 1.0}
     assert compute_mean(MEASURES["R"], rows, draws).interval.ends == (0.0, 1.0)
     assert compute_mean(MEASURES["R"], rows, draws).interval.unit == "family"
@@ -108,12 +107,13 @@ def test_families_are_drawn_whole():
 
 def test_a_single_family_has_no_interval():
     rows = [row(k, r=k / 10) for k in range(6)]
-    assert compute_mean(MEASURES["R"], rows, family_draws(rows, 100, 0)).interval is None
+    draws = draw_groups([r.family for r in rows], 100, 0)
+    assert compute_mean(MEASURES["R"], rows, draws).interval is None
 
 
 def test_a_conditional_mean_weights_families_by_their_valid_cases():
     rows = [row(1, r=1.0, family="a"), row(2, valid=False, family="a"), row(3, r=0.5, family="b")]
-    draws = family_draws(rows, 500, 0)
+    draws = draw_groups([r.family for r in rows], 500, 0)
     found = compute_mean(MEASURES["R_valid"], rows, draws)
     assert (found.value, found.n) == (0.75, 2)
     assert found.interval.ends == (0.5, 1.0)

@@ -13,10 +13,9 @@ from legoworld.evaluation.reconstruction.nearest import (
     GridSurface,
     hits_between,
     nearest_between,
-    nearest_both_ways,
+    share_raster,
 )
-from legoworld.evaluation.reconstruction.points import Raster, finite_points, points_m
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
+from legoworld.evaluation.reconstruction.points import Raster, Tolerance, finite_points, points_m
 
 #: float64 numbers in a vector: AVX-512, AVX2 and what every CPU has, where this one has them.
 LANES = (8, 4, 2)
@@ -32,7 +31,7 @@ def check(a, b, label, raster):
     a, b, label = np.float32(a), np.float32(b), np.int32(label)
     expected = [nearest(x, y, label, raster) for x, y in ((a, b), (b, a))]
     for lanes in LANES:
-        found = nearest_both_ways(a, b, label, raster, lanes=lanes)
+        found = nearest_between(*share_raster(a, b, label, raster), lanes=lanes)
         for one, (squared, index) in zip(found, expected, strict=True):
             np.testing.assert_array_equal(one.squared_m2, squared)
             np.testing.assert_array_equal(one.index, index)
@@ -75,8 +74,8 @@ def test_equal_distances_go_to_the_lower_raster_index():
     flat = np.full((24, 24), 4.0, np.float32)
     checker = np.where((np.indices(flat.shape).sum(axis=0) % 2).astype(bool), 4.0, np.inf)
     check(flat, checker, np.zeros(flat.shape), raster)
-    found, _ = nearest_both_ways(
-        flat, checker.astype(np.float32), np.zeros(flat.shape, np.int32), raster
+    found, _ = nearest_between(
+        *share_raster(flat, checker.astype(np.float32), np.zeros(flat.shape, np.int32), raster)
     )
     # (1, 1) lies between (0, 1), (1, 0), (1, 2) and (2, 1), all a pixel away: the first is taken.
     assert found.index[1, 1] == 1
@@ -223,7 +222,7 @@ def test_a_whole_scoring_raster_against_a_sample_of_brute_force():
     raster = raster_of(421, 237)
     (a, _), (b, _) = scene(raster, 1, 9), scene(raster, 2, 9)
     label = np.zeros(a.shape, np.int32)
-    found, back = nearest_both_ways(a, b, label, raster)
+    found, back = nearest_between(*share_raster(a, b, label, raster))
     places = np.random.default_rng(0).choice(a.size, 150, replace=False)
     for result, (x, y) in ((found, (a, b)), (back, (b, a))):
         some = np.full(a.shape, np.inf, np.float32)

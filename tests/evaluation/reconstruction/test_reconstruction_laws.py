@@ -9,10 +9,17 @@ import pytest
 from evaluation.reconstruction import brute_force
 from evaluation.reconstruction.datasets import scene
 
-from legoworld.evaluation.reconstruction.correspondence import of_clouds, on_one_raster
-from legoworld.evaluation.reconstruction.fscore import Score, mean_f1, scores
+from legoworld.evaluation.reconstruction.fscore import (
+    Score,
+    match_clouds,
+    match_surfaces,
+    mean_f1,
+    scores,
+)
+from legoworld.evaluation.reconstruction.nearest import share_raster
 from legoworld.evaluation.reconstruction.points import (
     Raster,
+    Tolerance,
     finite_points,
     picture_raster,
     pixel_of_points,
@@ -20,7 +27,6 @@ from legoworld.evaluation.reconstruction.points import (
 )
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.reconstruction.reference import containing_pixels
-from legoworld.evaluation.reconstruction.tolerance import Tolerance
 
 RASTER = picture_raster((160, 90), 50.0, (80, 45))
 FIVE = Tolerance(name="F5", relative=0.05)
@@ -34,7 +40,9 @@ def case(request):
 
 
 def found(reference, submitted, label, tolerance=FIVE, raster=RASTER):
-    pairs = on_one_raster(np.float32(reference), np.float32(submitted), label, raster)
+    pairs = match_surfaces(
+        *share_raster(np.float32(reference), np.float32(submitted), label, raster)
+    )
     return scores(pairs, int(label.max()) + 1, tolerance)
 
 
@@ -191,7 +199,7 @@ def test_two_clouds_without_a_raster_are_scored_alike(case):
     depth, label = case
     submitted = np.float32(depth * 1.04)
     g, q = (points_m(d, RASTER)[finite_points(d)] for d in (depth, submitted))
-    pairs = of_clouds(g, label[finite_points(depth)], q, label[finite_points(submitted)])
+    pairs = match_clouds(g, label[finite_points(depth)], q, label[finite_points(submitted)])
     n = int(label.max()) + 1
     assert scores(pairs, n, FIVE) == found(depth, submitted, label)
 

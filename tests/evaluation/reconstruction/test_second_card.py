@@ -11,6 +11,7 @@ from evaluation.reconstruction.datasets import (
     NOTHING,
     VALID,
     Submission,
+    evaluate_bench,
     sha256,
     write_dataset,
     write_run,
@@ -21,8 +22,7 @@ from msgspec.structs import replace
 from legoworld import cli
 from legoworld.cards import load_card
 from legoworld.evaluation.evidence import verify
-from legoworld.evaluation.reconstruction.errors import BenchTruthError
-from legoworld.evaluation.reconstruction.evaluate import evaluate_bench
+from legoworld.evaluation.reconstruction.dataset import BenchTruthError
 from legoworld.evaluation.reconstruction.integrity import scale_flags
 from legoworld.evaluation.reconstruction.points import picture_raster
 from legoworld.evaluation.reconstruction.protocol import bench_protocol

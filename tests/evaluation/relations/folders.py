@@ -12,7 +12,7 @@ from readouts.cubes import SIZE, seen
 
 from legoworld import cli
 from legoworld.evaluation.relations.truth import read_truth
-from legoworld.readouts.protocol import protocol
+from legoworld.readouts.family import protocol
 from legoworld.readouts.relation_facts import relation_facts
 from legoworld.readouts.relations import write_answers
 from legoworld.records.relations import AnswerFile

@@ -8,9 +8,9 @@ from readouts.cubes import seen
 
 from legoworld.evaluation.relations.answering import Reply, answer_by_facts, read_answer
 from legoworld.evaluation.relations.questions import make_questions
-from legoworld.evaluation.relations.scores import Prior, iou, mean_relative_accuracy, score
-from legoworld.evaluation.relations.statements import statement_answers
-from legoworld.readouts.protocol import protocol
+from legoworld.evaluation.relations.rows import Prior, iou, mean_relative_accuracy, score
+from legoworld.evaluation.relations.truth import statement_answers
+from legoworld.readouts.family import protocol
 from legoworld.readouts.relation_facts import relation_facts
 from legoworld.readouts.relation_kinds import FactBase
 from legoworld.records.relations import Statement, TrueAnswer

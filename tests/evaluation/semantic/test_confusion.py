@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image
 from pycocotools import mask as coco_mask
 
-from legoworld.evaluation.semantic.confusion import confusion, semantic_values
+from legoworld.evaluation.semantic.family import confusion, semantic_values
 
 hotcoco = pytest.importorskip("hotcoco.semantic")
 NOTHING = np.zeros(0, bool)

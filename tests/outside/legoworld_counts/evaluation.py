@@ -9,10 +9,9 @@ from legoworld.cards import load_card
 from legoworld.errors import CatalogError
 from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_means
 from legoworld.evaluation.checks import check_equal
-from legoworld.evaluation.family import EvaluationFamily
-from legoworld.evaluation.prepare_inputs import prepared_inputs
+from legoworld.evaluation.family import EvaluationFamily, prepare_inputs
+from legoworld.evaluation.metrics import bounds, describe_evaluator, fraction, image_counts
 from legoworld.evaluation.run import read_family_run, read_rows, run_view
-from legoworld.evaluation.short_text import bounds, describe_evaluator, fraction, image_counts
 from legoworld.records.evaluation_summary import Coverage, Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (
@@ -91,14 +90,7 @@ def _evaluate(request):
     stored = read_rows(run)
     files = [("truth", request.truth), ("run", run.folder / RUN), ("per_image", run.folder / ROWS)]
     files += [("counts", run.folder / row.answer.file) for row in stored if row.answer]
-    inputs = prepared_inputs(
-        request.output,
-        files,
-        configuration,
-        run=run.folder,
-        origins=request.origins,
-        overwrite=request.overwrite,
-    )
+    inputs = prepare_inputs(request, run.folder, files, configuration)
     rows = [_row(run, row, truth.get(row.image_id, Counter())) for row in stored]
     for row in rows:
         request.progress(row)

@@ -12,8 +12,8 @@ from typing import Any, Final, Literal, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.inputs.masks import TextBuilder, Texts
 from legoworld.evaluation.detection.inputs.prediction_checks import compressed_counts
-from legoworld.evaluation.detection.inputs.texts import TextBuilder, Texts
 from legoworld.files import Json, canonical_json
 from legoworld.records.base import UNSET
 from legoworld.records.predictions import (

@@ -83,7 +83,7 @@ def check_predictions(
     return check_results(
         batches,
         status_by_image={i.image_id: i.status for i in run.images},
-        sizes_wh={i["id"]: (i["width"], i["height"]) for i in truth.images},
+        sizes_wh=truth.sizes_wh,
         vocabulary=truth.vocabulary,
         protocol=protocol,
         order=configured_order(run.configuration),
@@ -107,7 +107,7 @@ def check_results(
     PredictionsInvalidError names the first offender and how many there are.
     """
     payload = protocol.payload
-    given = payload.given(batches, sizes_wh)
+    given = payload.read_columns(batches, sizes_wh)
     columns = given.columns
     check_scores(columns.score)
     check_ids(columns.image_id, columns.category_id, status_by_image, vocabulary)
@@ -119,7 +119,7 @@ def check_results(
         check_boxes=check_boxes,
         warnings=warnings,
     )
-    kept, n_empty = payload.checked(given, checking)
+    kept, n_empty = payload.check_columns(given, checking)
     return Predictions(
         entries=kept,
         warnings=tuple(f"{n} {what}" for what, n in sorted(warnings.items()) if n),

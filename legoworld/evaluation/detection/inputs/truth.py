@@ -71,20 +71,6 @@ class Truth:
         }
 
 
-def read_truth(path: Path, run: Run, protocol: DetectionProtocol) -> Truth:
-    """Read the ground truth of a run's images.
-
-    TruthInvalidError: the file is broken. TruthMismatchError: its images, categories or version
-    differ from the run's.
-    """
-    return _read(path, protocol, run)
-
-
-def read_whole_truth(path: Path, protocol: DetectionProtocol) -> Truth:
-    """Read the ground truth of every image of a file. The same errors."""
-    return _read(path, protocol, None)
-
-
 def select_images(truth: Truth, image_ids: Collection[int]) -> Truth:
     """The truth of some of its images, as if no other were in the file.
 
@@ -109,7 +95,12 @@ def select_images(truth: Truth, image_ids: Collection[int]) -> Truth:
     )
 
 
-def _read(path: Path, protocol: DetectionProtocol, run: Run | None) -> Truth:
+def read_truth(path: Path, protocol: DetectionProtocol, run: Run | None = None) -> Truth:
+    """Read the ground truth of a run's images, or of every image of a file.
+
+    TruthInvalidError: the file is broken. TruthMismatchError: its images, categories or version
+    differ from the run's.
+    """
     document = _document(path, protocol)
     vocabulary = from_json(document["categories"], str(path))
     version = dataset_version(vocabulary, protocol.task)

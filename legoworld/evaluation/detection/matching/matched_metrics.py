@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import weighted_sums
-from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints, Problem
+from legoworld.evaluation.kernels.library import category_threads
 from legoworld.records.base import number
 from legoworld.records.evaluation_rows import PairSums
 from legoworld.records.evaluation_summary import Matched

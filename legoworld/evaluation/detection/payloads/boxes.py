@@ -30,7 +30,7 @@ from legoworld.records.evaluation_view import TrueImage
 from legoworld.records.predictions import BoxPrediction
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
 
 
 def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:
@@ -83,13 +83,13 @@ BOXES: Final = Payload(
     grid=PICTURE,
     record=BoxPrediction,
     field="bbox",
-    given=partial(number_columns, "bbox"),
-    checked=_check_columns,
+    read_columns=partial(number_columns, "bbox"),
+    check_columns=_check_columns,
     check_format=check_boxes,
-    packed=_pack_boxes,
+    pack_shapes=_pack_boxes,
     overlaps=_overlaps,
     shape=_shape,
-    compared=overlaps,
-    together=_enclose_boxes,
+    compare_shapes=overlaps,
+    enclose_shapes=_enclose_boxes,
     outline=_outline,
 )

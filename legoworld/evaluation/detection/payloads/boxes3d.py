@@ -13,8 +13,12 @@ from typing import TYPE_CHECKING, Any, Final, TypeGuard, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.evaluation.box_overlaps import box_ious, box_volumes
-from legoworld.evaluation.detection.box3d_errors import difference_said, space_errors
+from legoworld.evaluation.detection.box3d_errors import (
+    box_ious,
+    box_volumes,
+    difference_said,
+    space_errors,
+)
 from legoworld.evaluation.detection.grid import SPACE
 from legoworld.evaluation.detection.inputs.box_formats import is_finite
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
@@ -42,7 +46,7 @@ from legoworld.records.predictions import Box3dPrediction
 from legoworld.visibility.cuboids import SIGNS, cuboid_corners, edge_vectors, extent_px, lines_px
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
 
 Floats = NDArray[np.float64]
 
@@ -273,15 +277,15 @@ BOXES3D: Final = Payload(
     grid=SPACE,
     record=Box3dPrediction,
     field="bbox3D",
-    given=partial(number_columns, "bbox3D"),
-    checked=_check_columns,
+    read_columns=partial(number_columns, "bbox3D"),
+    check_columns=_check_columns,
     check_shapes=_check_shapes,
     check_format=_check_format,
-    packed=corner_array,
+    pack_shapes=corner_array,
     overlaps=_overlaps,
     shape=_shape,
-    compared=_compare_boxes,
-    together=_enclose_boxes,
+    compare_shapes=_compare_boxes,
+    enclose_shapes=_enclose_boxes,
     outline=_outline,
     document=_document,
     own_ignore=True,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import (
     EncodedMask,
+    Texts,
     bounding_box,
     compress_mask,
     covers,
@@ -27,7 +28,6 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
     mask_columns,
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order, without_empty
-from legoworld.evaluation.detection.inputs.texts import Texts
 from legoworld.evaluation.detection.inputs.truth_checks import check_masks
 from legoworld.evaluation.detection.payloads.payload import (
     Checking,
@@ -42,7 +42,7 @@ from legoworld.records.evaluation_view import Segmentation, TrueImage
 from legoworld.records.predictions import MaskPrediction, Rle
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
 
 _UNCOMPRESSED: Final = "masks with uncompressed RLE, compressed before scoring"
 #: Both evaluators would take the box's area for the mask's.
@@ -142,13 +142,13 @@ MASKS: Final = Payload(
     grid=PICTURE,
     record=MaskPrediction,
     field="segmentation",
-    given=mask_columns,
-    checked=_check_columns,
+    read_columns=mask_columns,
+    check_columns=_check_columns,
     check_shapes=check_masks,
-    packed=tuple,
+    pack_shapes=tuple,
     overlaps=_overlaps,
     shape=_shape,
-    compared=overlaps,
-    together=union,
+    compare_shapes=overlaps,
+    enclose_shapes=union,
     outline=_outline,
 )

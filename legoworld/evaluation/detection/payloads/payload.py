@@ -24,7 +24,7 @@ from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, T
 from legoworld.records.predictions import Box3dPrediction, BoxPrediction, MaskPrediction
 
 if TYPE_CHECKING:
-    from legoworld.evaluation.detection.matching.chunks import Chunk
+    from legoworld.evaluation.detection.matching.matches import Chunk
     from legoworld.evaluation.detection.protocols import DetectionProtocol
 
 IouType = Literal["bbox", "segm", "bbox3D"]
@@ -83,15 +83,15 @@ class Payload:
 
     name: of the card's readout.reads; iou_type: as the official evaluators call it; record: what a
     prediction is read as; field: of an annotation, where its shape is.
-    given: predictions as columns; checked: them in order, and how many were dropped as empty,
-    PredictionsInvalidError for others.
+    read_columns: predictions as columns; check_columns: them in order, and how many were dropped as
+    empty, PredictionsInvalidError for others.
     document: a truth file's content in the form that the rest reads, TruthInvalidError.
     check_shapes: annotations of wanted images, by all of the file's images, wherever shapes matter;
     check_format: also, where they are scored. TruthInvalidError.
-    packed: shapes of a chunk as it keeps them; overlaps: of a chunk's detections and truths.
-    shape: of a row of view/, in a picture of (height, width), as it is compared; compared: (n, m)
-    overlaps of shapes with others, of which some are crowds, as in `Overlaps`; together: the shape
-    that covers several; outline: of a row, in the picture of an image.
+    pack_shapes: shapes of a chunk as it keeps them; overlaps: of a chunk's detections and truths.
+    shape: of a row of view/, in a picture of (height, width), as it is compared; compare_shapes:
+    (n, m) overlaps of shapes with others, of which some are crowds, as in `Overlaps`;
+    enclose_shapes: the shape that covers several; outline: of a row, in the picture of an image.
     own_ignore: whether `ignore` of annotations counts; most_pairs: of detections and truths in an
     image, None where nothing bounds them; difference: of a row and its truth in words; pair_errors:
     of shapes and their truths.
@@ -102,13 +102,13 @@ class Payload:
     grid: Grid
     record: type[BoxPrediction] | type[MaskPrediction] | type[Box3dPrediction]
     field: str
-    given: Callable[[Iterable[Sequence[Any]], Sizes], GivenColumns]
-    checked: Callable[[GivenColumns, Checking], tuple[PredictionColumns, int]]
-    packed: Callable[[Sequence[Any]], Any]
+    read_columns: Callable[[Iterable[Sequence[Any]], Sizes], GivenColumns]
+    check_columns: Callable[[GivenColumns, Checking], tuple[PredictionColumns, int]]
+    pack_shapes: Callable[[Sequence[Any]], Any]
     overlaps: Callable[[Chunk], Overlaps]
     shape: Callable[[Row, tuple[int, int]], Any]
-    compared: Callable[[Any, Any, Sequence[int]], NDArray[np.float64]]
-    together: Callable[[Sequence[Any]], Any]
+    compare_shapes: Callable[[Any, Any, Sequence[int]], NDArray[np.float64]]
+    enclose_shapes: Callable[[Sequence[Any]], Any]
     outline: Callable[[Row, TrueImage], Outline]
     check_shapes: CheckShapes = _no_fault
     check_format: Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None] = (

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.problem import Floats, Ints
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import check, library, pointer, pointers
 
 Bits = NDArray[np.uint16]
 Counts = NDArray[np.int32]
@@ -25,16 +25,12 @@ class _RankingStruct(ctypes.Structure):
     """LwRanking of accumulate.cpp."""
 
     _fields_: ClassVar = [
-        ("image", ctypes.c_void_p),
-        ("block_end", ctypes.c_void_p),
-        ("is_true", ctypes.c_void_p),
-        ("is_ignored", ctypes.c_void_p),
-        ("rank", ctypes.c_void_p),
+        *pointers("image", "block_end", "is_true", "is_ignored", "rank"),
         ("detections", ctypes.c_int64),
-        ("recall_thresholds", ctypes.c_void_p),
+        *pointers("recall_thresholds"),
         ("n_recall_thresholds", ctypes.c_int32),
         ("n_thresholds", ctypes.c_int32),
-        ("ranks", ctypes.c_void_p),
+        *pointers("ranks"),
         ("n_ranks", ctypes.c_int32),
     ]
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from legoworld.errors import ShapeError
-from legoworld.evaluation.category_threads import category_threads
 from legoworld.evaluation.detection.grid import Grid
 from legoworld.evaluation.detection.matching.greedy import MatchTable
 from legoworld.evaluation.detection.problem import Floats
@@ -21,6 +20,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     rank_category,
     resample,
 )
+from legoworld.evaluation.kernels.library import category_threads
 
 Counts = NDArray[np.int32]
 
@@ -45,8 +45,9 @@ def resampled_metrics(
     with category_threads() as pool:
         for a, area in enumerate(grid.areas):
             truths = _truths_by_image(table, a) @ by_image
+            metrics = [m for m in protocol.metrics if m.area == area]
             jobs = [
-                (int(k), [m for m in protocol.metrics if m.area == area and _is_in(m, group_of[k])])
+                (int(k), [m for m in metrics if m.frequency in (None, group_of[k])])
                 for k in np.unique(table.truth_category[table.n_truths[a] > 0])
             ]
             by_category = pool.map(
@@ -94,10 +95,6 @@ def _check_size(table: MatchTable, counts: Counts) -> None:
             expected=f"{len(table.image_ids)} images, each below 2**16 times, and below 2**31 "
             "predictions",
         )
-
-
-def _is_in(metric: Metric, frequency: str) -> bool:
-    return metric.frequency in (None, frequency)
 
 
 def _truths_by_image(table: MatchTable, a: int) -> sparse.csr_matrix:

@@ -2,18 +2,21 @@
 
 The matches stay as they are (docs/protocols/ties.md); only the ranking of equally confident
 detections of a category changes. One order of a category's detections serves all IoU thresholds.
+orders.cpp draws the orders with NumPy's own distributions.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.category_threads import category_threads
+from legoworld.errors import InstallationError
 from legoworld.evaluation.detection.matching.greedy import (
     FALSE_POSITIVE,
     IGNORED,
@@ -26,9 +29,75 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
-from legoworld.evaluation.detection.ranking.random_orders import random_orders
+from legoworld.evaluation.kernels.library import category_threads, check, library, pointer, pointers
 from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Ties
+
+Counts = NDArray[np.int32]
+
+#: numpy's manual, "Extending": the functions of distributions.h, from the module that holds them.
+_DISTRIBUTIONS: Final = (
+    "random_standard_uniform_fill_f",
+    "random_standard_exponential_fill",
+    "random_multinomial",
+)
+
+
+class _RandomStruct(ctypes.Structure):
+    """LwRandom of orders.cpp."""
+
+    _fields_: ClassVar = [
+        *pointers("bits", "floats", "exponentials", "multinomial"),
+    ]
+
+
+class _RunsStruct(ctypes.Structure):
+    """LwRuns of orders.cpp."""
+
+    _fields_: ClassVar = [
+        *pointers("start", "plain_in", "plain_before"),
+        ("runs", ctypes.c_int64),
+    ]
+
+
+def random_orders(
+    start: Ints, plain_in: Ints, plain_before: Ints, n: int, random: np.random.Generator
+) -> tuple[Counts, Counts]:
+    """n random orders of S special detections, and the plain false positives above each.
+
+    start: (R + 1,) where each run of equal scores begins among them, and S; plain_in,
+    plain_before: (R,) plain false positives in the run, and before it. Both returned are (n, S).
+    The generator must not be used concurrently.
+    """
+    order, plain = np.empty((2, n, int(start[-1])), np.int32)
+    bits: Any = random.bit_generator
+    drawn = _RandomStruct(bits.ctypes.bit_generator.value, *_distributions())
+    columns = [np.ascontiguousarray(c, np.int64) for c in (start, plain_in, plain_before)]
+    runs = _RunsStruct(*(pointer(c) for c in columns), len(plain_in))
+    done = library().lw_random_orders(
+        ctypes.byref(drawn), ctypes.byref(runs), ctypes.c_int64(n), pointer(order), pointer(plain)
+    )
+    check(done)
+    return order, plain
+
+
+@functools.cache
+def _distributions() -> tuple[int | None, ...]:
+    """Where numpy's functions are."""
+    from numpy.random import _generator
+
+    loaded = ctypes.CDLL(_generator.__file__)
+    try:
+        functions = [getattr(loaded, name) for name in _DISTRIBUTIONS]
+    except AttributeError as error:
+        raise InstallationError(
+            "this numpy does not hand out its random distributions",
+            found=f"numpy {np.__version__}: {error}",
+            expected=", ".join(_DISTRIBUTIONS),
+            next_step="install numpy from its own wheels",
+        ) from error
+    return tuple(ctypes.cast(function, ctypes.c_void_p).value for function in functions)
+
 
 #: Elements of one block of random orders, to bound memory: part of what a seed means.
 _BLOCK_ELEMENTS: Final = 1 << 21
