@@ -24,7 +24,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from legoworld.agents.api_usage import AnswerReader, wire_of
+from legoworld.agents.api_usage import AnswerReader, request_api
 from legoworld.endpoint.listener import HOST
 from legoworld.endpoint.trial_record import append_row
 from legoworld.errors import Raised, UsageError, cause
@@ -84,7 +84,7 @@ class ApiRecorder:
             yield
 
     async def _forward(self, request: Request) -> Response:
-        wire = wire_of(request.url.path) if request.method == "POST" else None
+        wire = request_api(request.url.path) if request.method == "POST" else None
         row = ApiRequest(number=next(self._numbers), at_s=self._clock(), wire=wire)
         try:
             answer = await self._client.send(await self._outgoing(request), stream=True)

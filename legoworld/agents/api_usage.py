@@ -36,7 +36,7 @@ _SUMS: Final[dict[Wire, tuple[str, str, str]]] = {
 _Tokens = int | None
 
 
-def wire_of(path: str) -> Wire | None:
+def request_api(path: str) -> Wire | None:
     """The API that a request's path asks for an answer of a model; None for any other request."""
     return next((wire for wire, pattern in _PATHS.items() if re.search(pattern, path)), None)
 

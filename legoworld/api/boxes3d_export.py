@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from legoworld.api.coco_export import vocabulary_of_run
+from legoworld.api.coco_export import run_vocabulary
 from legoworld.errors import UsageError
 from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
 from legoworld.exports import kitti
 from legoworld.exports.formats import Written
-from legoworld.exports.kitti import UNKNOWN, corners_of, known
+from legoworld.exports.kitti import UNKNOWN, box_corners, known
 from legoworld.files import readable_json, write_text
 from legoworld.records.base import decode
 from legoworld.records.folders.read_run import RUN
@@ -68,7 +68,7 @@ def _read(run_folder: Path, track: Path | None) -> tuple[Run, list[_Photo], dict
             expected="a run of boxes in space",
             next_step="pass --format coco",
         )
-    vocabulary = vocabulary_of_run(run, track)
+    vocabulary = run_vocabulary(run, track)
     return run, list(_photos(run)), {c.id: c.name for c in vocabulary.categories}
 
 
@@ -128,7 +128,7 @@ def _omni3d(run: Run, photos: list[_Photo], names: Mapping[int, str]) -> Any:
 
 
 def _annotation(one: Prediction, photo: _Photo, name: str) -> dict[str, Any]:
-    corners = corners_of(one)
+    corners = box_corners(one)
     center, axes, (length, height, width) = measure_cuboid(corners)
     lines = lines_px(corners, photo.intrinsics)
     points = np.array(lines or [[UNKNOWN] * 4]).reshape(-1, 2)

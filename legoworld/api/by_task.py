@@ -59,7 +59,7 @@ class ByTask(Mapping[str, R], Generic[R]):
         return len(self.results)
 
 
-def folder_of_task(folder: Place, task: str) -> Place:
+def task_folder(folder: Place, task: str) -> Place:
     """FOLDER/<task>."""
     return child(folder, task) if isinstance(folder, str) else folder / task
 
@@ -82,12 +82,12 @@ def tasks_below(folder: Path, holds: str) -> list[str]:
     return [task for task in task_names() if (folder / task / holds).is_file()]
 
 
-def folders_of_tasks(folder: Path, holds: str) -> list[Path]:
+def task_folders(folder: Path, holds: str) -> list[Path]:
     """One task's result, or those of several below a folder."""
     return [folder / task for task in tasks_below(folder, holds)] or [folder]
 
 
-def entry_of_task(folder: Path, task: str, what: str) -> Path:
+def task_entry(folder: Path, task: str, what: str) -> Path:
     """FOLDER/<task>.json, or the folder FOLDER/<task>. what: such as "track".
 
     UsageError where there is neither.

@@ -79,7 +79,7 @@ def export(
     file = Path(output)
     if isinstance(run_or_views, str | Path):
         refuse_existing(file, overwrite=overwrite)
-        document = document_of_run(Path(run_or_views), visible=format == "kins", track=track)
+        document = run_coco_document(Path(run_or_views), visible=format == "kins", track=track)
     else:
         if file.suffix != ".json":
             file.mkdir(parents=True, exist_ok=True)
@@ -144,7 +144,7 @@ def _document_of_views(views: Iterable[SceneView]) -> CocoFile:
     )
 
 
-def document_of_run(
+def run_coco_document(
     run_folder: Path, *, visible: bool = False, track: Track | str | Path | None = None
 ) -> CocoFile:
     """A run of boxes or masks as a dataset for other tools.
@@ -170,7 +170,7 @@ def document_of_run(
             f"a run of {source.task} has boxes in space, which COCO has no place for",
             next_step="pass --format omni3d or --format kitti",
         )
-    vocabulary = vocabulary_of_run(source, track)
+    vocabulary = run_vocabulary(source, track)
     images = [_image(i.image_id, i.file_name, i.size_wh) for i in source.images]
     predictions = _predictions(source, vocabulary)
     return CocoFile(
@@ -186,7 +186,7 @@ def document_of_run(
     )
 
 
-def vocabulary_of_run(run: Run, track: Track | str | Path | None) -> Vocabulary:
+def run_vocabulary(run: Run, track: Track | str | Path | None) -> Vocabulary:
     """The categories of the run: the track's, a shipped dataset's, or those of its own labels.
 
     Raises UsageError where none of them is the run's vocabulary.

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypedDict, Unpack, cast
 from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.by_task import (
     ByTask,
-    folder_of_task,
     options_by_task,
     own_options,
     refuse_result_at,
+    task_folder,
 )
 from legoworld.api.folders import parse_place, read_from, written_whole
 from legoworld.api.listener import SILENT, Listener
@@ -250,7 +250,7 @@ def evaluate(
     found: dict[str, Evaluation] = {}
     errors: list[LegoWorldError] = []
     for name, own in truths.items():
-        places = folder_of_task(source, name), folder_of_task(top, name)
+        places = task_folder(source, name), task_folder(top, name)
         try:
             found[name] = request.evaluate(*places, Path(own), by_task[name], name)
         except LegoWorldError as error:

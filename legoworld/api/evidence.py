@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from legoworld.api.arguments import check_arguments, optional_path
-from legoworld.api.by_task import folders_of_tasks
+from legoworld.api.by_task import task_folders
 from legoworld.comparison.folder import KINDS
 from legoworld.comparison.verification import verify_comparison
 from legoworld.evaluation.checks import Check
@@ -23,7 +23,7 @@ def evidence_verify(folder: str | Path, *, root: str | Path | None = None) -> li
     """
     top, inputs = Path(folder), optional_path(root)
     checks: list[Check] = []
-    for one in folders_of_tasks(top, EVIDENCE):
+    for one in task_folders(top, EVIDENCE):
         kind = read_evidence(one, ("evaluation", *KINDS)).kind
         found = verify_comparison(one, inputs) if kind in KINDS else verify(one, inputs)
         prefix = f"{one.name}: " if one != top else ""

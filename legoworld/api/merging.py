@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from legoworld.api.arguments import check_arguments
-from legoworld.api.by_task import ByTask, folder_of_task, options_by_task, tasks_below
+from legoworld.api.by_task import ByTask, options_by_task, task_folder, tasks_below
 from legoworld.api.folders import parse_place, read_from, written_at
 from legoworld.api.readout import Run
 from legoworld.records.folders.read_run import RUN
@@ -44,7 +44,7 @@ def merge(
         runs = {
             task: join(
                 [shard / task for shard in here],
-                folder_of_task(top, task),
+                task_folder(top, task),
                 own[task].get("images_per_file"),
             )
             for task in tasks

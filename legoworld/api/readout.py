@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import check_arguments
-from legoworld.api.by_task import ByTask, folder_of_task, options_by_task, refuse_result_at
+from legoworld.api.by_task import ByTask, options_by_task, refuse_result_at, task_folder
 from legoworld.api.folders import parse_place, written_at
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import (
@@ -177,7 +177,7 @@ def readout(
     """
     tasks = [task] if isinstance(task, str) else _distinct(task)
     place, top = parse_place(scenes), parse_place(output)
-    folders = {name: top if isinstance(task, str) else folder_of_task(top, name) for name in tasks}
+    folders = {name: top if isinstance(task, str) else task_folder(top, name) for name in tasks}
     if not isinstance(task, str):
         refuse_result_at(top, CONFIGURATION, "the runs of several tasks")
     lone = isinstance(place, Path) and is_scene_file(place)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from legoworld.api.arguments import check_arguments, optional_path
-from legoworld.api.by_task import folders_of_tasks
+from legoworld.api.by_task import task_folders
 from legoworld.errors import UsageError
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.report.alone import photo_alone
@@ -36,7 +36,7 @@ def write_report(
     for `photo` with `trials`.
     """
     tops, places = [Path(folder) for folder in folders], [Path(one) for one in scene_folders]
-    sources = [one for folder in tops for one in folders_of_tasks(folder, EVIDENCE)]
+    sources = [one for folder in tops for one in task_folders(folder, EVIDENCE)]
     document = page_document(read_sources(sources), optional_path(photos), places)
     if photo is not None:
         if trials is not None:

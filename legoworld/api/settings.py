@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from legoworld.api.arguments import check_argument
-from legoworld.api.by_task import entry_of_task
+from legoworld.api.by_task import task_entry
 from legoworld.errors import UsageError
 from legoworld.readouts.family import Protocol, protocol
 from legoworld.scene.blender_process import Limits
@@ -45,7 +45,7 @@ def tracks_by_task(tasks: Sequence[str], given: Tracks) -> dict[str, Track]:
                 raise UsageError(f"there is no track of {task}", found=", ".join(given))
             own = given[task]
         elif isinstance(given, str | Path) and Path(given).is_dir():
-            own = entry_of_task(Path(given), task, "track")
+            own = task_entry(Path(given), task, "track")
         else:
             own = given
         tracks[task] = open_track(own)

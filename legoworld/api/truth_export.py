@@ -10,7 +10,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from legoworld.api.coco_export import document_of_run, readable_document, vocabulary_of_run
+from legoworld.api.coco_export import readable_document, run_coco_document, run_vocabulary
 from legoworld.errors import UsageError
 from legoworld.evaluation.run import Run, RunUnusableError, read_run
 from legoworld.exports.formats import Written
@@ -33,7 +33,7 @@ def write_lvis(run_folder: Path, output: Path, *, track: Path | None) -> Written
     run = read_run(run_folder)
     if not require_task(run.task).dataset.federated:
         raise _wrong(run, "LVIS masks")
-    document = document_of_run(run_folder, track=track)
+    document = run_coco_document(run_folder, track=track)
     present: dict[int, set[int]] = {image.id: set() for image in document.images}
     for one in document.annotations:
         present[one.image_id].add(one.category_id)
@@ -78,7 +78,7 @@ def write_panoptic(run_folder: Path, output: Path, *, track: Path | None) -> Wri
         annotations=answers.annotations,
         categories=tuple(
             CategoryInfo(id=c.id, name=c.name, isthing=1 if c.isthing else 0)
-            for c in vocabulary_of_run(run, track).categories
+            for c in run_vocabulary(run, track).categories
         ),
     )
     shutil.copytree(run_folder / Path(ANSWERS).stem, output / PANOPTIC.name)

@@ -26,7 +26,7 @@ _BAND_ROWS: Final = 256
 _FEWEST: Final = 6
 
 
-def normals_of_depth(source: DepthDeclared, path: Path, image: TrackImage) -> NormalsArray:
+def fit_normals(source: DepthDeclared, path: Path, image: TrackImage) -> NormalsArray:
     """A photo's normals, fitted to its depth. DepthFileError if that is unusable or has no camera.
 
     Normals do not depend on the unit. A disparity is taken as 1 / z times a scale: its unknown

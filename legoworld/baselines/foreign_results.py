@@ -81,7 +81,7 @@ def _is_output(value: Json) -> bool:
     return isinstance(value, dict) and "boxes" in value and "bbox" not in value
 
 
-def entries_of_outputs(outputs: list[Entry], path: Path) -> Iterator[Entry]:
+def output_entries(outputs: list[Entry], path: Path) -> Iterator[Entry]:
     """One entry per box, corners unchanged. PredictionsInvalidError for lists of unequal length."""
     for number, output in enumerate(outputs, start=1):
         image = {k: v for k, v in output.items() if k in ("image_id", "file_name")}

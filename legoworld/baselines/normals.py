@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth import NAMING as DEPTH_NAMING
 from legoworld.baselines.depth import declared_depth, imported_depth
-from legoworld.baselines.depth_normals import normals_of_depth
+from legoworld.baselines.depth_normals import fit_normals
 from legoworld.baselines.family import BaselineFamily, ImportListener, ImportOptions
 from legoworld.baselines.pixel_import import PixelSource, import_pixels
 from legoworld.baselines.pixel_matching import Naming
@@ -95,7 +95,7 @@ def _of_depth(folder: Path, options: ImportOptions) -> _Source:
     return (
         DEPTH_NAMING,
         imported_depth(folder, declared, options),
-        lambda path, image: _with_normals(normals_of_depth(declared, path, image)),
+        lambda path, image: _with_normals(fit_normals(declared, path, image)),
     )
 
 

@@ -15,7 +15,7 @@ from legoworld.baselines.confinement import BaselineConfinement, confine_baselin
 from legoworld.baselines.environments import chosen_python
 from legoworld.baselines.labels import LabelMap
 from legoworld.baselines.records import AnswerRules
-from legoworld.baselines.truth_prompts import TruthPrompts, prompts_of_request
+from legoworld.baselines.truth_prompts import TruthPrompts, request_prompts
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.files import canonical_json, sha256_of_text
 from legoworld.readouts.family import Protocol
@@ -192,7 +192,7 @@ def child_request(
         batch_size=request.batch_size,
         offline=request.offline,
         options=dict(request.options),
-        prompts=prompts_of_request(request.prompts),
+        prompts=request_prompts(request.prompts),
         output=str(request.run.resolve()),
     )
 

@@ -13,8 +13,8 @@ from legoworld.baselines.box_formats import BoxFormat
 from legoworld.baselines.foreign_results import (
     RESULTS,
     Entry,
-    entries_of_outputs,
     next_step_for,
+    output_entries,
     per_image_outputs,
     refuse_other_documents,
 )
@@ -107,7 +107,7 @@ def _read_entries(path: Path) -> ResultsFile:
     refuse_other_documents(document, path)
     outputs = per_image_outputs(document)
     if outputs is not None:
-        entries = tuple(entries_of_outputs(outputs, path))
+        entries = tuple(output_entries(outputs, path))
         return ResultsFile(entries=entries, names={}, images={}, box_format="xyxy")
     if isinstance(document, list):
         return ResultsFile(entries=_objects(document), names={}, images={})

@@ -59,7 +59,7 @@ def read_truth_prompts(
     )
 
 
-def prompts_of_request(prompts: TruthPrompts | None) -> dict[str, list[int]] | None:
+def request_prompts(prompts: TruthPrompts | None) -> dict[str, list[int]] | None:
     """The request's "prompts", with string keys as JSON requires."""
     if prompts is None:
         return None

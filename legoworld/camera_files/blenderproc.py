@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from legoworld import extras
-from legoworld.camera_files.nerfstudio import pose_of_opengl
+from legoworld.camera_files.nerfstudio import pose_from_opengl
 from legoworld.records.base import Record, RecordError, decode
 from legoworld.tracks.colmap import CalibrationError
 from legoworld.visibility.posed_camera import Camera
@@ -61,7 +61,7 @@ def _camera(name: str, pose: _Pose, size_wh: tuple[int, int]) -> Camera:
     (fx, _, cx), (_, fy, cy), _ = pose.cam_K
     return Camera(
         name=name,
-        world_from_cam=pose_of_opengl(pose.cam2world_matrix),
+        world_from_cam=pose_from_opengl(pose.cam2world_matrix),
         size_wh=size_wh,
         fx=fx,
         fy=fy,

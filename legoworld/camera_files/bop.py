@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from legoworld.camera_files.colmap import inverted
+from legoworld.camera_files.colmap import invert_pose
 from legoworld.records.base import Record, RecordError, decode
 from legoworld.tracks.colmap import CalibrationError
 from legoworld.visibility.posed_camera import Camera
@@ -57,7 +57,7 @@ def _camera(number: int, view: _View, size: _Size) -> Camera:
     metres = tuple(t / 1000 for t in view.cam_t_w2c)
     return Camera(
         name=f"{number:06d}",
-        world_from_cam=inverted([list(r[:3]), list(r[3:6]), list(r[6:])], metres),
+        world_from_cam=invert_pose([list(r[:3]), list(r[3:6]), list(r[6:])], metres),
         size_wh=(size.width, size.height),
         fx=fx,
         fy=fy,

@@ -97,10 +97,10 @@ def world_from_cam(pose: tuple[float, ...], name: str) -> Pose:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    return inverted(rotation, pose[4:])
+    return invert_pose(rotation, pose[4:])
 
 
-def inverted(rotation: list[list[float]], translation: tuple[float, ...]) -> Pose:
+def invert_pose(rotation: list[list[float]], translation: tuple[float, ...]) -> Pose:
     """The pose whose inverse has this rotation and translation."""
     a, b, c = (
         (*row, -sum(r * t for r, t in zip(row, translation, strict=True)))

@@ -73,7 +73,7 @@ def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
     if model is not UNSET and model not in _MODELS:
         raise _unusable(path, frame, f"camera_model {model}", ", ".join(_MODELS))
     try:
-        rows = pose_of_opengl(frame.transform_matrix)
+        rows = pose_from_opengl(frame.transform_matrix)
     except ValueError as error:
         raise _unusable(
             path, frame, f"a transform_matrix of {error}", "4 rows of 4 numbers"
@@ -101,7 +101,7 @@ def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
     )
 
 
-def pose_of_opengl(matrix: list[list[float]]) -> Pose:
+def pose_from_opengl(matrix: list[list[float]]) -> Pose:
     """world_from_cam of one with OpenGL's and Blender's axes. ValueError: not 4 x 4."""
     if len(matrix) not in (3, 4) or any(len(row) != 4 for row in matrix):
         raise ValueError(f"{len(matrix)} rows")

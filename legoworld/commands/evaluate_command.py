@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Unpack
 import click
 
 from legoworld import exit_codes
-from legoworld.api.by_task import entry_of_task, tasks_below
+from legoworld.api.by_task import task_entry, tasks_below
 from legoworld.api.listener import Listener
 from legoworld.commands import options
 from legoworld.commands.options import off, option
@@ -194,7 +194,7 @@ def parse_truths(run: Place, texts: Sequence[str]) -> Path | dict[str, Path]:
             f"{run} holds the runs of {', '.join(tasks)}: pass --truth TASK=PATH for each, or a "
             "folder with <task>.json or <task>/ of each"
         )
-    return {task: entry_of_task(path, task, "ground truth") for task in tasks}
+    return {task: task_entry(path, task, "ground truth") for task in tasks}
 
 
 def _require_existing(path: str) -> Path:

@@ -16,7 +16,7 @@ NAMES: Final = (
 
 def model_options(time_limit: str, *, required: bool) -> options.Decorator:
     """The options, each an argument. time_limit: what is limited; required: --weights."""
-    return options.all_of(
+    return options.combine_options(
         option("--weights", "Weights: a file, a folder or a hub id.", required=required),
         option(
             "--python",

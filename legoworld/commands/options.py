@@ -177,7 +177,7 @@ def off(names: str, text: str) -> Decorator:
     return option(names, text, is_flag=True, flag_value=False, default=True)
 
 
-def all_of(*declared: Decorator) -> Decorator:
+def combine_options(*declared: Decorator) -> Decorator:
     """Several options, in the order of the help."""
 
     def decorate(command: F) -> F:
@@ -201,7 +201,7 @@ def together(name: str, make: Callable[..., object] | str, *declared: Decorator)
             return command(*args, **given, **{name: _function(make)(**own)})
 
         known = len(getattr(command, "__click_params__", ()))
-        whole = all_of(*declared)(cast("F", call))
+        whole = combine_options(*declared)(cast("F", call))
         parameters = [p.name for p in cast("Any", whole).__click_params__[known:]]
         return whole
 
@@ -252,7 +252,7 @@ def _protections(sandbox: Confinement, *, network: bool = False) -> Protections:
 
 
 #: Limits of each Blender process, and the snapshot cache, as the Python API's arguments.
-limits: Final = all_of(
+limits: Final = combine_options(
     option("--memory-limit", envvar="LEGOWORLD_MEMORY_LIMIT"),
     option("--time-limit", default=120.0, envvar="LEGOWORLD_TIME_LIMIT"),
 )

@@ -59,7 +59,7 @@ def write_files(
 
 def losses(boxes: Sequence[Named]) -> tuple[str, ...]:
     """What the 15 columns cannot hold of these boxes."""
-    axes = [measure_cuboid(corners_of(box))[1] for _, box in boxes]
+    axes = [measure_cuboid(box_corners(box))[1] for _, box in boxes]
     tilt = max((math.degrees(math.acos(min(abs(float(a[1, 1])), 1.0))) for a in axes), default=0.0)
     lost = []
     if tilt > _LEVEL_DEG:
@@ -78,7 +78,7 @@ def _labels(boxes: Sequence[Named], k: Matrix, size_wh: tuple[int, int]) -> str:
     intrinsics = np.asarray(k, np.float64).tolist()
     lines = []
     for name, one in boxes:
-        corners = corners_of(one)
+        corners = box_corners(one)
         center, axes, (length, height, width) = measure_cuboid(corners)
         x, y, z = (center + axes[:, 1] * (height / 2)).tolist()
         ry = math.atan2(-axes[2, 0], axes[0, 0])
@@ -100,7 +100,7 @@ def _calibration(k: Matrix) -> str:
     return "\n".join([*rows, f"Tr_velo_to_cam: {rigid}", f"Tr_imu_to_velo: {rigid}"]) + "\n"
 
 
-def corners_of(one: Prediction) -> NDArray[np.float64]:
+def box_corners(one: Prediction) -> NDArray[np.float64]:
     """(8, 3) corners of a box in space."""
     return np.array(one.corners, np.float64)
 

@@ -78,7 +78,9 @@ def clearly_closest(scenes: Sequence[Sequence[Result]]) -> int:
     return best if means[best] >= means[-1] + _CLEARLY else len(means) - 1
 
 
-def rule_of(requirement: Requirement) -> Literal["passes", "improves", "not_worse", "together"]:
+def acceptance_rule(
+    requirement: Requirement,
+) -> Literal["passes", "improves", "not_worse", "together"]:
     """How a requirement is accepted: as it says, else by its kind."""
     if requirement.accept is not None:
         return requirement.accept
@@ -90,7 +92,7 @@ def blocks(result: Result) -> bool:
     requirement = result.requirement
     if not requirement.hard or result.verdict == "pass":
         return False
-    return rule_of(requirement) == "passes" or result.verdict == "unknown"
+    return acceptance_rule(requirement) == "passes" or result.verdict == "unknown"
 
 
 def list_worse(
@@ -115,7 +117,7 @@ Pair = tuple[Result, Result]
 
 
 def _is_judged(result: Result) -> bool:
-    return result.requirement.hard and rule_of(result.requirement) == "together"
+    return result.requirement.hard and acceptance_rule(result.requirement) == "together"
 
 
 def _by_entity(pairs: Iterable[Pair]) -> dict[object, list[Pair]]:
@@ -130,7 +132,7 @@ def _by_entity(pairs: Iterable[Pair]) -> dict[object, list[Pair]]:
 def _alone(pairs: Iterable[Pair]) -> Iterator[Pair]:
     """Those that say themselves what they want."""
     for b, a in pairs:
-        rule = rule_of(a.requirement)
+        rule = acceptance_rule(a.requirement)
         rise = _rise(b, a)
         if a.requirement.hard and (
             (rule == "not_worse" and rise > 0) or (rule == "improves" and rise >= 0)
@@ -160,7 +162,7 @@ def _gain(pairs: Sequence[Pair]) -> float:
 def _broken(pairs: Iterable[Pair]) -> Iterator[Pair]:
     """Of earlier edits: what passed and does not."""
     for b, a in pairs:
-        held = a.requirement.hard and rule_of(a.requirement) != "together"
+        held = a.requirement.hard and acceptance_rule(a.requirement) != "together"
         if held and b.verdict == "pass" != a.verdict:
             yield b, a
 

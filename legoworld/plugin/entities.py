@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.scene.snapshot import Snapshot
-from legoworld.solids.meshes import solid_of, surface_points_m
+from legoworld.solids.meshes import surface_points_m, surfaces_solid
 
 
 class Entities:
@@ -50,7 +50,7 @@ class Entities:
 
     def triangles_m(self, surfaces: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(T, 3, 3) float64: corners of the triangles of some surfaces in the world, metres."""
-        return solid_of(self.snapshot, np.flatnonzero(surfaces).tolist()).corners
+        return surfaces_solid(self.snapshot, np.flatnonzero(surfaces).tolist()).corners
 
     def _surfaces(self, name: str) -> NDArray[np.bool_] | None:
         shot = self.snapshot

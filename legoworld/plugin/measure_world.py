@@ -12,7 +12,7 @@ from legoworld.plugin.entities import Entities
 from legoworld.plugin.state import LiveScene
 from legoworld.records import plugin_requirements as kinds
 from legoworld.solids import hulls
-from legoworld.solids.meshes import own_front, solid_of
+from legoworld.solids.meshes import own_front, surfaces_solid
 from legoworld.solids.penetration import penetration_m
 from legoworld.solids.support import Rest, rest_on
 
@@ -117,7 +117,7 @@ class InTheWorld:
         if not other.any():
             raise UnmetError("there is nothing else that it could touch")
         shot = self.scene.snapshot
-        solids = [solid_of(shot, np.flatnonzero(some).tolist()) for some in (own, other)]
+        solids = [surfaces_solid(shot, np.flatnonzero(some).tolist()) for some in (own, other)]
         distance = solids[0].distance_m(solids[1])
         return distance, distance
 

@@ -17,7 +17,7 @@ from legoworld.plugin.tool_answers import brief, cut_answer, page_start
 from legoworld.plugin.tool_schemas import (
     answer_schema,
     decode_arguments,
-    one_of,
+    describe_choices,
     requirements_page,
     shown_schema,
 )
@@ -149,7 +149,9 @@ class _Desk:
         tool = self._tools.get(name)
         if tool is None:
             raise UsageError(
-                "there is no such tool", found=repr(name), expected=one_of(self._tools, name)
+                "there is no such tool",
+                found=repr(name),
+                expected=describe_choices(self._tools, name),
             )
         arguments = decode_arguments(tool.arguments, given)
         case = self._served.case

@@ -24,7 +24,7 @@ _SHOWN: Final = 80
 _DIGITS: Final = 6
 
 
-def state_of(case: Case) -> JsonObject:
+def answer_state(case: Case) -> JsonObject:
     """What every answer has: signature of the last state that was read, last line of the ledger."""
     entries = case.ledger.entries
     state: JsonObject = {
@@ -39,7 +39,7 @@ def state_of(case: Case) -> JsonObject:
     return state
 
 
-def report_of(case: Case, report: Report) -> JsonObject:
+def answer_report(case: Case, report: Report) -> JsonObject:
     """A report as answers show it, and where it is in full."""
     return {
         "report": ShownReport(results=report.results, blocked=report.blocked),
@@ -91,7 +91,7 @@ def page_start(text: str, argument: str) -> int:
     )
 
 
-def page_of(kept: JsonObject, sha256: str, start: int) -> JsonObject:
+def answer_page(kept: JsonObject, sha256: str, start: int) -> JsonObject:
     """The items of a list from a place on, as many as fit."""
     items = kept["items"][start:]
     cut = _fitting(items, MOST_CHARACTERS - _AROUND)

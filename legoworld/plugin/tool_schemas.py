@@ -214,7 +214,7 @@ def _check_requirement(given: Json, place: str) -> None:
         raise _refused_error(f"{type(given).__name__} at {place}", "an object with a kind")
     name = given.get("kind")
     if not isinstance(name, str) or name not in KINDS:
-        raise _refused_error(f"{name!r} at {place}.kind", one_of(KINDS, name))
+        raise _refused_error(f"{name!r} at {place}.kind", describe_choices(KINDS, name))
     schema = kind_schema(KINDS[name])
     _refuse_unknown(given, [*schema["properties"]], name, place)
     _decode(KINDS[name], given, schema, place)
@@ -244,7 +244,7 @@ def _said_of(schema: JsonObject, what: str) -> str:
     """What a schema allows, in words: its values, or its type and limits."""
     if "enum" in schema:
         given = re.search(r"'(.*)'", what)
-        return one_of(schema["enum"], given[1] if given else "")
+        return describe_choices(schema["enum"], given[1] if given else "")
     limits = {
         "minimum": "from {}", "maximum": "to {}", "exclusiveMinimum": "above {}",
         "minItems": "at least {} items",
@@ -256,7 +256,7 @@ def _said_of(schema: JsonObject, what: str) -> str:
     return " ".join([str(schema.get("type", "")), *said, *needs, *named]).strip()
 
 
-def one_of(valid: Iterable[str], given: Json) -> str:
+def describe_choices(valid: Iterable[str], given: Json) -> str:
     """The valid values, and the nearest to what was given."""
     names = [*valid]
     near = difflib.get_close_matches(str(given), names, n=1)
@@ -268,7 +268,7 @@ def _refuse_unknown(given: Mapping[str, Json], valid: list[str], what: str, plac
         if key not in valid:
             raise _refused_error(
                 f"{what} has no argument {key!r} at {place}",
-                one_of(valid, key) if valid else "no arguments",
+                describe_choices(valid, key) if valid else "no arguments",
             )
 
 

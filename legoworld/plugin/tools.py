@@ -19,7 +19,7 @@ from legoworld.plugin.plan import construction_plan
 from legoworld.plugin.result_pictures import result_pictures
 from legoworld.plugin.room import assign_structures
 from legoworld.plugin.server_looks import Looking, look
-from legoworld.plugin.tool_answers import page_of, page_start, report_of, state_of
+from legoworld.plugin.tool_answers import answer_page, answer_report, answer_state, page_start
 from legoworld.readouts.pictures import png_bytes
 from legoworld.records import plugin_calls as calls
 from legoworld.records.base import as_json, to_record
@@ -69,7 +69,7 @@ class Tool:
 def _reference_evidence(served: Served, _: calls.NoArguments) -> calls.EvidenceAnswer:
     known = served.evidence
     shown = None if known is None else to_record(calls.ShownEvidence, as_json(known.file))
-    return calls.EvidenceAnswer(evidence=shown, **state_of(served.case))
+    return calls.EvidenceAnswer(evidence=shown, **answer_state(served.case))
 
 
 def _measure(served: Served, asked: calls.MeasureArguments) -> calls.ReportAnswer:
@@ -89,7 +89,7 @@ def _report_answer(served: Served, report: Report, pictures: bool) -> calls.Repo
             None if p is None else case.artefacts.keep(png_bytes(p), "png")
             for p in result_pictures(case.scene, case.evidence, report)
         )
-    return calls.ReportAnswer(pictures=drawn, **report_of(case, report), **state_of(case))
+    return calls.ReportAnswer(pictures=drawn, **answer_report(case, report), **answer_state(case))
 
 
 def _begin(served: Served, declaration: Declaration) -> calls.BeginAnswer:
@@ -102,7 +102,7 @@ def _begin(served: Served, declaration: Declaration) -> calls.BeginAnswer:
     begun = served.case.begin(declaration)
     assert begun.transaction is not None
     said = {"transaction": begun.transaction, "unguarded": begun.answer["unguarded"]}
-    return to_record(calls.BeginAnswer, {**said, **state_of(served.case)})
+    return to_record(calls.BeginAnswer, {**said, **answer_state(served.case)})
 
 
 def _status(served: Served, _: calls.NoArguments) -> calls.StatusAnswer:
@@ -111,26 +111,26 @@ def _status(served: Served, _: calls.NoArguments) -> calls.StatusAnswer:
     since = max((e.seq for e in entries if e.tool == "begin" and not e.error), default=0)
     resumed = case.phase == "open" and any(e.tool == "resume" for e in entries[since:])
     return calls.StatusAnswer(
-        phase=case.phase, transaction=case.transaction, resumed=resumed, **state_of(case)
+        phase=case.phase, transaction=case.transaction, resumed=resumed, **answer_state(case)
     )
 
 
 def _diff(served: Served, _: calls.NoArguments) -> calls.DiffAnswer:
-    return calls.DiffAnswer(changes=served.case.diff(), **state_of(served.case))
+    return calls.DiffAnswer(changes=served.case.diff(), **answer_state(served.case))
 
 
 def _commit(served: Served, asked: calls.TransactionArguments) -> calls.CommitAnswer:
     judgement, report = served.case.commit(asked.transaction)
     return calls.CommitAnswer(
         judgement=judgement,
-        **report_of(served.case, report),
-        **state_of(served.case),
+        **answer_report(served.case, report),
+        **answer_state(served.case),
     )
 
 
 def _rollback(served: Served, asked: calls.TransactionArguments) -> calls.RollbackAnswer:
     restored = served.case.rollback(asked.transaction).scene_signature
-    return calls.RollbackAnswer(restored=restored, **state_of(served.case))
+    return calls.RollbackAnswer(restored=restored, **answer_state(served.case))
 
 
 def _history(served: Served, asked: calls.HistoryArguments) -> calls.HistoryAnswer:
@@ -141,21 +141,21 @@ def _history(served: Served, asked: calls.HistoryArguments) -> calls.HistoryAnsw
         )
         for e in served.case.ledger.entries[-asked.last :]
     )  # fmt: skip
-    return calls.HistoryAnswer(entries=shown, **state_of(served.case))
+    return calls.HistoryAnswer(entries=shown, **answer_state(served.case))
 
 
 def _initialize(served: Served, asked: calls.InitializeArguments) -> calls.InitializeAnswer:
     made = recover(served.require_evidence(), asked.structures, asked.camera_height_m)
     kept = install_room(served.case, made)
     return calls.InitializeAnswer(
-        room=made.room, plan=made.plan, kept=kept, **state_of(served.case)
+        room=made.room, plan=made.plan, kept=kept, **answer_state(served.case)
     )
 
 
 def _plan(served: Served, asked: calls.PlanArguments) -> calls.PlanAnswer:
     known = served.require_evidence()
     made = construction_plan(known, assign_structures(known, asked.structures))
-    return calls.PlanAnswer(plan=made, **state_of(served.case))
+    return calls.PlanAnswer(plan=made, **answer_state(served.case))
 
 
 def _review(
@@ -163,19 +163,19 @@ def _review(
 ) -> calls.ReviewAnswer | tuple[calls.ReviewAnswer, bytes]:
     if asked.render_sha256 is not None:
         noted = note_review(served.case, asked.render_sha256, asked.findings or ())
-        return calls.ReviewAnswer(**as_json(noted), **state_of(served.case))
+        return calls.ReviewAnswer(**as_json(noted), **answer_state(served.case))
     made, png = render_for_review(served.case)
-    return calls.ReviewAnswer(**as_json(made), **state_of(served.case)), png
+    return calls.ReviewAnswer(**as_json(made), **answer_state(served.case)), png
 
 
 def _look(served: Served, asked: Looking) -> tuple[calls.LookAnswer, bytes]:
     made, png = look(served.case, asked)
-    return to_record(calls.LookAnswer, {**as_json(made), **state_of(served.case)}), png
+    return to_record(calls.LookAnswer, {**as_json(made), **answer_state(served.case)}), png
 
 
 def _export(served: Served, _: calls.NoArguments) -> calls.ExportAnswer:
     made = export(served.case)
-    return calls.ExportAnswer(files=made.files, warnings=made.warnings, **state_of(served.case))
+    return calls.ExportAnswer(files=made.files, warnings=made.warnings, **answer_state(served.case))
 
 
 def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
@@ -186,8 +186,8 @@ def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
         raise UsageError(
             "cursor names no page", found="a report", expected="next_cursor of an answer"
         )
-    page = page_of(kept, sha256, begins)
-    return calls.MoreAnswer(**page, **state_of(served.case))
+    page = answer_page(kept, sha256, begins)
+    return calls.MoreAnswer(**page, **answer_state(served.case))
 
 
 _READS: Final = ("reads", "again")

@@ -23,7 +23,7 @@ from legoworld.scene.affine import cam_from_mesh, transform_points
 from legoworld.scene.instances import Instance
 from legoworld.scene.snapshot import Snapshot
 from legoworld.solids.hulls import facing_angles_deg
-from legoworld.solids.meshes import solid_of
+from legoworld.solids.meshes import surfaces_solid
 from legoworld.visibility.layers import HiddenPixels, amodal_areas, amodal_layers, occluders
 from legoworld.visibility.view import View
 
@@ -75,7 +75,7 @@ def _things(view: View, instances: Sequence[Instance]) -> Things:
     solids, fronts = [], []
     for instance in instances:
         surfaces = order[slice(*np.searchsorted(ids, [instance.id, instance.id + 1]))].tolist()
-        solids.append(solid_of(shot, surfaces))
+        solids.append(surfaces_solid(shot, surfaces))
         fronts.append(_front(shot, surfaces, instance.name))
     points = np.concatenate([np.empty((0, 3)), *(solid.points for solid in solids)])
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])[:-1]

@@ -15,7 +15,7 @@ from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import Advice, DrawnPrediction
 from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage
-from legoworld.report.parts import Parts, lone_part, parts_of_truths
+from legoworld.report.parts import Parts, lone_part, shared_truth_parts
 from legoworld.report.shapes import drawn_predictions
 from legoworld.report.tried import Shifted, Tried, shift_words, try_steps
 
@@ -67,7 +67,7 @@ def detection_advice(
     if not advice:
         advice += _camera(shifted) if shifted else []
         advice += _unknown_labels(side.run_row) if scene else []
-        parts = parts_of_truths(task, image, side)
+        parts = shared_truth_parts(task, image, side)
         advice += _advise_missed(task, image, side, names, parts)
         advice += _parts(image, parts, names) + _false(task, image, side, names, parts)
         advice += _loose(task, image, side, names) + _advise_uncounted(side)

@@ -119,7 +119,7 @@ class MendedDepth:
             return self.predicted
         return aligned_z(1 / self.predicted, found.fit, 1 / found.deepest_z_m)[0]
 
-    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+    def pixel_errors(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
         """Relative."""
         errors: NDArray[np.float64] = (np.abs(predicted - self.truth) / self.truth)[..., 0]
         return errors

@@ -25,7 +25,7 @@ from legoworld.report.detection_images import DetectionImage, SideImage, detecti
 from legoworld.report.error_kinds import KINDS
 from legoworld.report.facts import run_facts, run_tables
 from legoworld.report.first_screen import first_screen
-from legoworld.report.mended_ap import CAMERA, MendedAp, errors_of
+from legoworld.report.mended_ap import CAMERA, MendedAp, prediction_errors
 from legoworld.report.page_content import PageDocument, Photos
 from legoworld.report.photo_order import in_order
 from legoworld.report.plots import IouCounts, precision_recall
@@ -146,7 +146,7 @@ def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
 
 def _errors(image: DetectionImage, side: SideImage) -> Iterator[tuple[str, int]]:
     """The key of every false positive, and of every object that is missed."""
-    for key, _, _ in errors_of(image, side):
+    for key, _, _ in prediction_errors(image, side):
         if key is not None:
             yield key
     for truth, state in zip(image.truths, side.errors.truth, strict=True):

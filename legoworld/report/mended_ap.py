@@ -103,7 +103,9 @@ class MendedAp:
         if answer.run_row.status != "ok":
             self.failed.append(image.image.id)
             return
-        for place, (key, about, iou) in zip(answer.places, errors_of(image, answer), strict=True):
+        for place, (key, about, iou) in zip(
+            answer.places, prediction_errors(image, answer), strict=True
+        ):
             if key is None:
                 continue
             self.found[key].append(image.image.id)
@@ -140,7 +142,7 @@ class MendedAp:
         )
 
 
-def errors_of(
+def prediction_errors(
     image: DetectionImage, answer: SideImage
 ) -> list[tuple[ErrorKey | None, int | None, float]]:
     """Of every prediction: the key of its error, if it is one, the truth it is about, their IoU."""

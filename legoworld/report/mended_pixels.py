@@ -42,7 +42,7 @@ class PixelMending(Protocol):
     truth: NDArray[Any]
     predicted: NDArray[Any]
 
-    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+    def pixel_errors(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
         """(H, W), NaN where there is none."""
         ...
 
@@ -90,12 +90,12 @@ def photo_mended(mending: Mending, task: str, view: Any) -> Regions:
     A region is pixels that hang together and are off.
     """
     of, found = mending.of(task, view), Regions()
-    errors, base = of.errors_of(of.predicted), of.score(of.predicted)
+    errors, base = of.pixel_errors(of.predicted), of.score(of.predicted)
     if not np.isfinite(errors).any():  # what is predicted lies between the drawn pixels
         return found
     region = _worst(errors, mending.far)
     if region is not None:  # measured without it, it is found whole
-        region = _worst(of.errors_of(of.without(region)), mending.far)
+        region = _worst(of.pixel_errors(of.without(region)), mending.far)
     if region is not None:
         gain = base - of.score(np.where(region[..., None], of.truth, of.without(region)))
         share = np.count_nonzero(region) / np.count_nonzero(np.isfinite(errors))

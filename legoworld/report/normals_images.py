@@ -91,13 +91,13 @@ class MendedNormals:
         """The same: each pixel is measured alone."""
         return self.predicted
 
-    def errors_of(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
+    def pixel_errors(self, predicted: NDArray[Any]) -> NDArray[np.float64]:
         """In degrees."""
         return _errors_deg(predicted, self.truth)
 
     def say(self, region: NDArray[np.bool_]) -> str:
         """How far it is off at the median."""
-        return f"{np.nanmedian(self.errors_of(self.predicted)[region]):.0f} degrees off"
+        return f"{np.nanmedian(self.pixel_errors(self.predicted)[region]):.0f} degrees off"
 
 
 MENDING: Final = Mending(of=MendedNormals, hole=HOLE_DEG, far=10.0, unit=" degrees", least=0.05)

@@ -29,7 +29,7 @@ class Parts:
     together_iou: float
 
 
-def parts_of_truths(task: str, image: DetectionImage, side: SideImage) -> list[Parts]:
+def shared_truth_parts(task: str, image: DetectionImage, side: SideImage) -> list[Parts]:
     """The truths of an image that several predictions of their category share; at most one each."""
     if not image.truths or len(side.entries) < 2:
         return []

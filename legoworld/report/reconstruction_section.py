@@ -51,8 +51,8 @@ from legoworld.report.reconstruction_pictures import (
     hit_picture,
 )
 from legoworld.report.reconstruction_tables import (
+    bench_first_screen,
     bench_tables,
-    first_of_bench,
     flag_tables,
     leaderboard_table,
     second_card_tables,
@@ -129,7 +129,7 @@ def bench_section(
     by_group = replace(wide_table(tables.board), title="Leaderboard by group")
     return replace(
         made,
-        first=first_of_bench(section, tables.board, costs),
+        first=bench_first_screen(section, tables.board, costs),
         overview=(
             leaderboard_table(tables),
             *second_card_tables(tables),

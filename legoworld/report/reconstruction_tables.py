@@ -53,7 +53,9 @@ def bench_tables(section: Section) -> BenchTables:
     )
 
 
-def first_of_bench(section: Section, board: Leaderboard, costs: Sequence[SideCosts]) -> FirstScreen:
+def bench_first_screen(
+    section: Section, board: Leaderboard, costs: Sequence[SideCosts]
+) -> FirstScreen:
     """The first screen of several evaluations: who leads; the plot where it can be read."""
     first, sides = first_screen(section, costs), section.sides
     if section.comparison is None and len(sides) > 1:

@@ -22,7 +22,7 @@ def surface_points_m(snapshot: Snapshot, surface: int) -> Points:
     return world * snapshot.render.unit_scale
 
 
-def solid_of(snapshot: Snapshot, surfaces: Sequence[int]) -> Solid:
+def surfaces_solid(snapshot: Snapshot, surfaces: Sequence[int]) -> Solid:
     """Some surfaces of the world as one solid."""
     points: list[Points] = []
     triangles: list[NDArray[np.int64]] = []

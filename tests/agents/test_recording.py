@@ -21,7 +21,7 @@ from waiting import until
 
 from legoworld.agents.agent_cards import load_agent
 from legoworld.agents.api_recorder import ApiRecorder
-from legoworld.agents.api_usage import AnswerReader, wire_of
+from legoworld.agents.api_usage import AnswerReader, request_api
 from legoworld.agents.recorded_card import check_recordable
 from legoworld.endpoint.trial_record import read_rows
 from legoworld.errors import UsageError
@@ -287,7 +287,7 @@ def test_rows_go_on_where_a_killed_part_of_the_trial_left_them(model, tmp_path):
     ],
 )
 def test_a_path_tells_the_api(path, wire):
-    assert wire_of(path) == wire
+    assert request_api(path) == wire
 
 
 def test_gemini_s_thoughts_and_a_stream_without_sse_count_and_zeros_may_be_left_out():

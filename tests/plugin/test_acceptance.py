@@ -7,7 +7,13 @@ from typing import Any
 
 import pytest
 
-from legoworld.plugin.acceptance import blocks, closeness, list_worse, mean_closeness, rule_of
+from legoworld.plugin.acceptance import (
+    acceptance_rule,
+    blocks,
+    closeness,
+    list_worse,
+    mean_closeness,
+)
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.plugin_requirements import Requirement, Result
 
@@ -41,9 +47,9 @@ def worse(
 
 
 def test_what_is_true_of_the_world_passes_and_what_fits_the_picture_is_judged_together() -> None:
-    assert rule_of(SUPPORT) == "passes"
-    assert rule_of(OVERLAP) == "together"
-    assert rule_of(kinds.Overlap(entity="cup", region="cup", accept="passes")) == "passes"
+    assert acceptance_rule(SUPPORT) == "passes"
+    assert acceptance_rule(OVERLAP) == "together"
+    assert acceptance_rule(kinds.Overlap(entity="cup", region="cup", accept="passes")) == "passes"
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ from legoworld.plugin.live_copy import COPY
 from legoworld.plugin.open_ledger import OpenLedger, TransactionError
 from legoworld.plugin.server import plugin_server
 from legoworld.plugin.state import compute_signature
-from legoworld.plugin.tool_answers import state_of
+from legoworld.plugin.tool_answers import answer_state
 from legoworld.plugin.tool_schemas import decode_arguments
 from legoworld.records.base import canonical
 from legoworld.records.plugin_calls import InitializeArguments
@@ -303,11 +303,11 @@ def test_an_answer_has_the_last_state_and_line():
         ledger = SimpleNamespace(entries=entries)
         return SimpleNamespace(ledger=ledger, live=SimpleNamespace(recovered=recovered))
 
-    assert state_of(case([])) == {"scene_signature": None, "ledger_seq": 0}
+    assert answer_state(case([])) == {"scene_signature": None, "ledger_seq": 0}
     entries = [SimpleNamespace(seq=4, scene_signature="s"), SimpleNamespace(seq=5,
                scene_signature="t")]  # fmt: skip
-    assert state_of(case(entries)) == {"scene_signature": "t", "ledger_seq": 5}
-    assert "/mine.blend is your file again" in state_of(case([], "/mine.blend"))["notice"]
+    assert answer_state(case(entries)) == {"scene_signature": "t", "ledger_seq": 5}
+    assert "/mine.blend is your file again" in answer_state(case([], "/mine.blend"))["notice"]
 
 
 @pytest.mark.parametrize(

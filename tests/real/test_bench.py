@@ -25,7 +25,7 @@ from legoworld.scene.freeze import checked_artefacts
 from legoworld.scene.instances import group
 from legoworld.scene.labels import resolve_labels
 from legoworld.scene.read_scene import read_scene
-from legoworld.solids.meshes import solid_of
+from legoworld.solids.meshes import surfaces_solid
 from legoworld.solids.penetration import penetration_m
 from legoworld.solids.solid import Solid
 
@@ -266,6 +266,6 @@ def labelled_solids(scenes: Path, name: str, blender: BlenderProcess) -> dict[st
     grouping = group(snapshot, resolve_labels(snapshot, (), None, None))
     owner = np.asarray(grouping.surface_instance)
     return {
-        one.name: solid_of(snapshot, np.flatnonzero(owner == one.id).tolist())
+        one.name: surfaces_solid(snapshot, np.flatnonzero(owner == one.id).tolist())
         for one in grouping.instances if one.label_text
     }  # fmt: skip

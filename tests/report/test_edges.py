@@ -204,7 +204,7 @@ def test_who_leads_is_said_of_several_without_a_comparison(
     monkeypatch.setattr(reconstruction_tables, "first_screen", lambda *_: first)
     section: Any = SimpleNamespace(sides=[0] * n, comparison=comparison)
     board: Any = "the board"
-    found = reconstruction_tables.first_of_bench(section, board, ())
+    found = reconstruction_tables.bench_first_screen(section, board, ())
     assert [v.sentence for v in found.verdicts] == (["the board leads"] if said else [])
 
 

@@ -19,7 +19,7 @@ from legoworld.evaluation.stored import read_evaluation
 from legoworld.report.costs import side_costs
 from legoworld.report.detection_images import DetectionImage, detection_images
 from legoworld.report.detection_section import _findings
-from legoworld.report.mended_ap import MendedAp, errors_of
+from legoworld.report.mended_ap import MendedAp, prediction_errors
 from legoworld.report.sources import ReportInputError
 
 from .pages import evaluated
@@ -55,7 +55,7 @@ def mended_copy(images: list[DetectionImage], key: tuple[str, int]) -> Rows:
     best: dict[tuple[int, int], tuple[float, int]] = {}
     for image in images:
         answer = image.sides[0]
-        told = errors_of(image, answer)
+        told = prediction_errors(image, answer)
         for at, (found, about, _) in enumerate(told):
             free = key[0] in MOVED and about is not None and answer.errors.truth[about] != "found"
             score = answer.entries[at].score

@@ -43,9 +43,9 @@ from legoworld.report import (
     systems,
     tables,
 )
-from legoworld.report.mended_ap import MendedAp, errors_of
+from legoworld.report.mended_ap import MendedAp, prediction_errors
 from legoworld.report.notebook import instances_text, statuses_html
-from legoworld.report.parts import lone_part, parts_of_truths
+from legoworld.report.parts import lone_part, shared_truth_parts
 from legoworld.report.reconstruction_pictures import OUTCOMES
 from legoworld.report.tried import Tried, _fitted_iou, try_steps
 
@@ -84,7 +84,7 @@ WHOLE = truth(0, 0, 10, 10)
 )
 def test_parts_share_a_truth_from_80_percent_inside_and_a_gain_of_a_twentieth(second, together):
     image, side = photo([WHOLE], [shown(0, 0, 10, 5), shown(*second)])
-    found = parts_of_truths("coco", image, side)
+    found = shared_truth_parts("coco", image, side)
     assert [round(one.together_iou, 3) for one in found] == ([together] if together else [])
     if found:
         assert (found[0].truth, found[0].predictions, found[0].best_iou) == (0, (0, 1), 0.5)
@@ -92,18 +92,18 @@ def test_parts_share_a_truth_from_80_percent_inside_and_a_gain_of_a_twentieth(se
 
 def test_only_parts_of_its_own_category_share_a_truth_that_is_not_ignored():
     halves = [shown(0, 0, 10, 5), shown(0, 5, 10, 5)]
-    assert len(parts_of_truths("coco", *photo([WHOLE], halves))) == 1
-    assert parts_of_truths("coco", *photo([WHOLE], halves, truth=("ignored",))) == []
+    assert len(shared_truth_parts("coco", *photo([WHOLE], halves))) == 1
+    assert shared_truth_parts("coco", *photo([WHOLE], halves, truth=("ignored",))) == []
     other = [halves[0], shown(0, 5, 10, 5, category=2)]
-    assert parts_of_truths("coco", *photo([WHOLE], other)) == []
+    assert shared_truth_parts("coco", *photo([WHOLE], other)) == []
     finder = photo([WHOLE], halves, finder=(0,), kind=(None, "duplicate"))
-    assert [one.predictions for one in parts_of_truths("coco", *finder)] == [(0, 1)]
+    assert [one.predictions for one in shared_truth_parts("coco", *finder)] == [(0, 1)]
     both_right = photo([WHOLE], halves, finder=(0,), kind=(None, None))
-    assert parts_of_truths("coco", *both_right) == []
+    assert shared_truth_parts("coco", *both_right) == []
     small = photo([WHOLE], [shown(0, 0, 10, 2.5), shown(0, 2.5, 10, 2.4)])
-    assert parts_of_truths("coco", *small) == [], "together under one half"
+    assert shared_truth_parts("coco", *small) == [], "together under one half"
     half = photo([WHOLE], [shown(0, 0, 10, 2.5), shown(0, 2.5, 10, 2.5)])
-    assert len(parts_of_truths("coco", *half)) == 1
+    assert len(shared_truth_parts("coco", *half)) == 1
 
 
 def test_a_lone_part_lies_in_the_truth_that_holds_most_of_it():
@@ -372,7 +372,7 @@ def test_an_error_of_classification_is_its_truth_s_and_any_other_its_own():
     kinds = ("classification", "localisation", "background", None)
     image, side = photo([truth(0, 0, 1, 1, category=7)], [shown(0, 0, 1, 1, category=2)] * 4)
     side.errors = SimpleNamespace(kind=kinds, about=(0, 0, None, 0), iou=(0.6, 0.3, None, 0.9))
-    assert errors_of(image, side) == [
+    assert prediction_errors(image, side) == [
         (("classification", 7), 0, 0.6), (("localisation", 2), 0, 0.3),
         (("background", 2), None, 0.0), (None, 0, 0.9),
     ]  # fmt: skip

@@ -28,7 +28,7 @@ from legoworld.evaluation.reconstruction.points import (
     Depth,
     Labels,
     finite_points,
-    pixel_of_points,
+    point_pixels,
     points_m,
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
@@ -205,7 +205,7 @@ def _move_surface(
     submitted_m: (N, 3) those of the depth, in raster order.
     """
     raster, q = reference.raster, finite_points(depth_z_m)
-    pixel = pixel_of_points(motion.apply(submitted_m), raster)
+    pixel = point_pixels(motion.apply(submitted_m), raster)
     label = np.full(q.shape, -1, np.int32)
     label[q] = np.where(pixel >= 0, reference.label.ravel()[np.maximum(pixel, 0)], -1)
     rows = np.column_stack([motion.rotation, motion.translation_m])

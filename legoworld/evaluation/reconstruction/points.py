@@ -63,7 +63,7 @@ def points_m(depth_z_m: Depth, raster: Raster) -> F64:
     return points
 
 
-def pixel_of_points(points_m: F64, raster: Raster) -> NDArray[np.int64]:
+def point_pixels(points_m: F64, raster: Raster) -> NDArray[np.int64]:
     """(N,) row * width + column of the pixel that contains each point, -1 outside the picture.
 
     points_m: (N, 3), z above 0 or anywhere: what is behind the camera is outside.

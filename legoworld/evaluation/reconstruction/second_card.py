@@ -29,7 +29,7 @@ from legoworld.evaluation.reconstruction.points import (
     Flags,
     Raster,
     picture_raster,
-    pixel_of_points,
+    point_pixels,
     points_m,
 )
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, XRules
@@ -179,7 +179,7 @@ def shown_first(
     ).reshape(-1, 9)
     with np.errstate(invalid="ignore"):  # nothing is hit at infinity
         points = points_m(depth_z_m, raster).reshape(-1, 3) @ motion[:3, :3].T + motion[:3, 3]
-        pixel, z = pixel_of_points(points, reference.raster), points[:, 2:]
+        pixel, z = point_pixels(points, reference.raster), points[:, 2:]
         near = (np.abs(around[pixel] - z) <= relative * z).any(axis=1)
     seen: Flags = near & (pixel >= 0)
     return seen.reshape(depth_z_m.shape)

@@ -22,7 +22,7 @@ from legoworld.evaluation.reconstruction.points import (
     Tolerance,
     finite_points,
     picture_raster,
-    pixel_of_points,
+    point_pixels,
     points_m,
 )
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
@@ -207,10 +207,10 @@ def test_two_clouds_without_a_raster_are_scored_alike(case):
 def test_a_point_s_pixel_is_the_one_that_contains_it(case):
     depth, _ = case
     kept = finite_points(depth)
-    pixel = pixel_of_points(points_m(depth, RASTER)[kept], RASTER)
+    pixel = point_pixels(points_m(depth, RASTER)[kept], RASTER)
     np.testing.assert_array_equal(pixel, np.flatnonzero(kept))
     outside = [[0, 0, -1], [50, 0, 1], [0, -9, 1], [np.nan, 0, 1], [1, 0, 0], [0, 0, 0]]
-    assert pixel_of_points(np.array(outside, float), RASTER).tolist() == [-1] * 6
+    assert point_pixels(np.array(outside, float), RASTER).tolist() == [-1] * 6
 
 
 def test_the_full_size_pixels_that_contain_the_raster_s_centres():
