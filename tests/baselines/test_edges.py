@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from legoworld.baselines import box_formats, category_ids, depth, environments, photo_provider
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.child import TooSlowError
+from legoworld.baselines.detection import BASELINE as DETECTIONS
 from legoworld.baselines.foreign_results import next_step_for
 from legoworld.baselines.labels import LabelsUnmatchedError, Matcher, label_map
 from legoworld.baselines.normals import normals_source
@@ -25,6 +26,7 @@ from legoworld.errors import UsageError
 from legoworld.evaluation.detection.inputs.box_formats import MAX_SHARE_OUTSIDE, BoxFormatError
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
 from legoworld.records.baseline_messages import CameraSaid, DepthSaid, Message
+from legoworld.records.run_file import RunCoverage, RunSummary
 from legoworld.tracks.track import TrackImage
 from legoworld.tracks.vocabulary import Category, Vocabulary
 
@@ -419,3 +421,15 @@ def test_a_file_of_one_result_is_a_list_of_it(tmp_path, where):
         found.append(read_results(path).entries)
     assert found[0] == found[1]
     assert len(found[0]) == 1
+
+
+def test_an_image_without_a_prediction_is_counted_as_empty():
+    """`ok_empty` is of images that have none at all; predictions and empty masks are summed."""
+    made = [(0, 2), (1, None), (3, 1), (None, None)]
+    rows: Any = [SimpleNamespace(n_predictions=n, empty_masks_dropped=m) for n, m in made]
+    summary = RunSummary(
+        schema_version=1, task="coco", partial=False, warnings=0,
+        coverage=RunCoverage(attempted=4, ok=4, ok_empty=9, by_status={"ok": 4}),
+    )  # fmt: skip
+    found = DETECTIONS.sum_up(summary, rows)
+    assert (found.coverage.ok_empty, found.predictions, found.empty_masks_dropped) == (2, 4, 3)

@@ -108,6 +108,21 @@ def test_a_depth_of_any_space_has_a_row_of_normals(space, of_z, track, tmp_path)
     assert configuration["imported"]["cameras_sha256"]
 
 
+def test_a_disparity_of_zero_or_less_is_no_surface(track, tmp_path):
+    """What is infinitely far has no normal; its neighbours keep theirs."""
+    (tmp_path / "theirs").mkdir()
+    disparity = (7 / slanted()).astype(np.float32)
+    disparity[:, :12] = 0.0
+    disparity[:, :4] = -1.0
+    np.save(tmp_path / "theirs/a.npy", disparity)
+    words = ["--space", "disparity", "--intrinsics", tmp_path / "camera.json"]
+    assert bring(track, tmp_path / "theirs", tmp_path / "run", *words) == 0
+    (written,) = (tmp_path / "run").glob("normals/*.npz")
+    fitted = np.isfinite(np.load(written)["values"]).all(axis=-1)
+    assert not fitted[:, :12].any()
+    assert fitted[:, 12:].all()
+
+
 def test_a_readouts_depth_knows_its_own_camera(track, tmp_path):
     fx, fy, cx, cy = CAMERA
     camera = Projection(orthographic=False, fx=fx, fy=fy, cx=cx, cy=cy, z_near=0.1, z_far=100.0)
