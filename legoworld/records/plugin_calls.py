@@ -55,7 +55,9 @@ class InitializeArguments(Record, frozen=True, kw_only=True):
     """structures: by region, what it shows; without it, the regions' own names say so."""
 
     structures: dict[str, Structure] | None = None
-    camera_height_m: Annotated[float, Meta(ge=0.01, le=1000, description="sets the scale")] = 1.5
+    camera_height_m: Annotated[
+        float, Meta(ge=0.01, le=1000, description="metres, sets the scale")
+    ] = 1.5
 
 
 class PlanArguments(Record, frozen=True, kw_only=True):
