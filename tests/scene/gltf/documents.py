@@ -49,7 +49,7 @@ class Document:
 
     def accessor(self, values: Any, dtype: str = "f4", **fields: Any) -> int:
         array = np.asarray(values).astype("<" + dtype)
-        array = array.reshape(len(array), -1)
+        array = array.reshape(len(array), -1) if len(array) else array.reshape(0, 1)
         return self.add(
             "accessors",
             bufferView=self.view(array.tobytes()),

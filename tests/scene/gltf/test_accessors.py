@@ -152,6 +152,22 @@ def test_sparse_values_over_a_base_and_over_zeros(dtype):
     assert boxes(made.glb()) == QUAD
 
 
+@pytest.mark.parametrize("offset", [0, 4])
+def test_parts_of_no_element_are_nothing(offset):
+    """No triangle of a second primitive, and no change of the first, whatever their view holds."""
+    made = Document()
+    position = sparse(made, 4, [], [], bufferView=made.view(np.array(CORNERS, "<f4").tobytes()))
+    accessor = made.json["accessors"][position]
+    for part in ("indices", "values"):
+        accessor["sparse"][part] |= {"bufferView": made.view(b"1234"), "byteOffset": offset}
+    primitive = {"attributes": {"POSITION": position}, "indices": made.accessor(TRIANGLES, "u1")}
+    none = made.accessor(np.zeros(0), "u2")
+    made.json["accessors"][none]["bufferView"] = made.view(b"12")
+    other = {"attributes": {"POSITION": made.accessor([(9, 9, 0)] * 3)}, "indices": none}
+    made.node(name="Quad", mesh=made.add("meshes", primitives=[primitive, other]))
+    assert boxes(made.glb()) == QUAD
+
+
 #: Bytes of an element: matrices of small integers begin each column at a multiple of 4 bytes.
 ELEMENTS = {
     "SCALAR": (1, 2, 4), "VEC2": (2, 4, 8), "VEC3": (3, 6, 12), "VEC4": (4, 8, 16),
