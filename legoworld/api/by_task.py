@@ -11,6 +11,9 @@ from legoworld.errors import UsageError
 from legoworld.remote import Place, child
 from legoworld.tasks.registry import find_family, known_tasks, task_names
 
+#: Parameters whose option has another name.
+_OPTIONS: Final = {"diagnostics": "--no-diagnostics", "render": "--no-render"}
+
 
 class Result(Protocol):
     """A run, an evaluation or a comparison."""
@@ -101,10 +104,6 @@ def task_entry(folder: Path, task: str, what: str) -> Path:
         found=f"{PurePosixPath(folder).name}/ holds {held or 'nothing'}",
         expected=f"{task}.json or {task}/ in it",
     )
-
-
-#: Parameters whose option has another name.
-_OPTIONS: Final = {"diagnostics": "--no-diagnostics", "render": "--no-render"}
 
 
 def own_options(task: str, **given: Any) -> dict[str, Any]:

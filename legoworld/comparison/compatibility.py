@@ -13,6 +13,10 @@ from legoworld.errors import LegoWorldError, UsageError, one_line
 from legoworld.evaluation.stored import StoredEvaluation, read_evaluation
 from legoworld.records.base import UnsetType, as_json
 
+_TRUTH_ROLES = ("truth", "truth_declaration")
+#: The fields of per_image rows that depend only on the ground truth.
+_TRUTH_FACTS = ("n_truth", "n_ignored_truth", "truth_wh", "n_valid")
+
 
 def read_sides(
     folders: Sequence[Path], *, names: Sequence[str] | None = None
@@ -50,11 +54,6 @@ def distinct_names(candidates: Sequence[tuple[str, str]]) -> list[str]:
         if repeated[name] > 1:
             names[place] = f"{name} {seen[name]}"
     return names
-
-
-_TRUTH_ROLES = ("truth", "truth_declaration")
-#: The fields of per_image rows that depend only on the ground truth.
-_TRUTH_FACTS = ("n_truth", "n_ignored_truth", "truth_wh", "n_valid")
 
 
 class IncomparableError(LegoWorldError):

@@ -10,6 +10,9 @@ from legoworld.pluralize import plural, share
 from legoworld.records.evaluation_summary import Coverage, Interval, Summary
 from legoworld.tables.table import Cell, Column, Number, Spread, Table
 
+#: Maximum number of lines of one kind.
+_SHORT: Final = 3
+
 
 @dataclass(frozen=True, kw_only=True)
 class MetricRow:
@@ -106,10 +109,6 @@ def _cells(row: MetricRow | None, *, constants: bool) -> Iterator[Cell]:
     if constants:
         yield row.constant or "-"
     yield row.over
-
-
-#: Maximum number of lines of one kind.
-_SHORT: Final = 3
 
 
 def describe_evaluator(summary: Summary) -> str:

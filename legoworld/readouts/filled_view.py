@@ -18,6 +18,14 @@ from legoworld.visibility.view import surfaces_through
 
 #: A mesh is flat when no vertex is further from its plane than this share of its extent.
 _FLAT: Final = 0.01
+#: The share of the hits that one object has before it is asked what it hides. Not all of them: the
+#: near clip plane cuts a hole into a wall that is nearer than it.
+_FILLED: Final = 0.95
+#: The share of its pixels that would show something else without it: else nothing is lost.
+_HIDES: Final = 0.25
+#: How much farther, at the median, that is. A room that is one mesh hides the ground outside of
+#: it, at a few times the distance of its own walls, and is no mistake.
+_FARTHER: Final = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,16 +90,6 @@ def _tilt_deg(snapshot: Snapshot, surface: int) -> float | None:
     ray = unit((low + high) / 2)
     cosine = min(1.0, abs(float(dot(ray, normal))))
     return round(float(np.degrees(np.arccos(cosine))), 1)
-
-
-#: The share of the hits that one object has before it is asked what it hides. Not all of them: the
-#: near clip plane cuts a hole into a wall that is nearer than it.
-_FILLED: Final = 0.95
-#: The share of its pixels that would show something else without it: else nothing is lost.
-_HIDES: Final = 0.25
-#: How much farther, at the median, that is. A room that is one mesh hides the ground outside of
-#: it, at a few times the distance of its own walls, and is no mistake.
-_FARTHER: Final = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,13 @@ NO_CLASS: Final = 255
 #: The category, where a vocabulary has it, of all that shows nothing of another one.
 BACKGROUND: Final = "background"
 _STUFF: Final = -1
+#: The golden ratio, and the two of the plane (Roberts, 2018).
+_STEPS: Final = (0.618034, 0.569840, 0.754878)
+_SHADES: Final = (1.0, 0.72, 0.86, 0.58)
+_VOID_RGB: Final = (0, 0, 0)
+_EDGE_RGB: Final = (255, 255, 255)
+_RIGHT_RGB: Final = (70, 130, 180)
+_WRONG_RGB: Final = (200, 60, 40)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,15 +136,6 @@ def write_map(run: Path, name: str, pixels: NDArray[np.uint8]) -> WrittenFile:
 def most_bytes(size_wh: tuple[int, int]) -> int:
     """Upper bound of the size of an image's PNG."""
     return 4 * size_wh[0] * size_wh[1] + 4096
-
-
-#: The golden ratio, and the two of the plane (Roberts, 2018).
-_STEPS: Final = (0.618034, 0.569840, 0.754878)
-_SHADES: Final = (1.0, 0.72, 0.86, 0.58)
-_VOID_RGB: Final = (0, 0, 0)
-_EDGE_RGB: Final = (255, 255, 255)
-_RIGHT_RGB: Final = (70, 130, 180)
-_WRONG_RGB: Final = (200, 60, 40)
 
 
 def segment_picture(place: NDArray[Any], category_ids: Sequence[int]) -> Rgb:

@@ -27,6 +27,8 @@ MOST_POINTS: Final = 4096
 FEWEST_POINTS: Final = 256
 #: Steps of the additive recurrence that spreads points over triangles (Roberts 2018).
 _R2: Final = (0.7548776662466927, 0.5698402909980532)
+#: The two looks of a probe, as its arrays are called.
+OFFSET, VIEW = "offset", "view"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +152,6 @@ def _spread(triangles: F64, spacing_m: float) -> NDArray[np.float32]:
     over = u + v > 1
     u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
     return np.asarray(a[at] + u * (b - a)[at] + v * (c - a)[at], np.float32)
-
-
-#: The two looks of a probe, as its arrays are called.
-OFFSET, VIEW = "offset", "view"
 
 
 @dataclass(frozen=True, kw_only=True)

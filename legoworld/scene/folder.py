@@ -26,6 +26,8 @@ ARTEFACTS: Final = (BLEND, GLB, PICTURE, PROGRAM, LABELS, PROVENANCE)
 URDF_SUFFIX: Final = ".urdf"
 #: Those that are read as they are, so that a name that is there is judged, whatever it stands for.
 JUDGED: Final = (LABELS, PROVENANCE)
+#: No relative path begins like this: a folder's name is not empty.
+OUTSIDE: Final = "outside://"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,10 +141,6 @@ def file_source(path: Path, source: Source) -> Source:
     if not is_scene_file(path):
         return source
     return "glb" if path.suffix.lower() == ".glb" else "blend"
-
-
-#: No relative path begins like this: a folder's name is not empty.
-OUTSIDE: Final = "outside://"
 
 
 def leaves_scenes(name: str, scene: SceneFolder) -> bool:

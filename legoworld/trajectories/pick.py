@@ -40,6 +40,8 @@ from legoworld.workers.scratch import scratch_folder
 _OWN_EVIDENCE: Final = f"{TRIAL}/plugin/evidence"
 #: By region, its IoU with the object that is matched to it.
 Fit = dict[str, float]
+PICKED: Final = "picked.json"
+REQUIREMENTS: Final = "requirements.json"
 
 
 def best_run(
@@ -73,8 +75,6 @@ def best_run(
 
 
 By = Literal["last", "residuals", "regions"]
-PICKED: Final = "picked.json"
-REQUIREMENTS: Final = "requirements.json"
 
 
 class Pick(Record, frozen=True, kw_only=True):

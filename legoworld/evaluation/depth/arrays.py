@@ -23,6 +23,7 @@ from legoworld.files import Json
 DepthTruthError, DepthPredictionError, DepthMissingError, DepthUnseenError = ERRORS = pixel_errors(
     "depth", __name__
 )
+DECLARATION: Final = "depth.toml"
 
 
 class CameraModelError(LegoWorldError):
@@ -149,9 +150,6 @@ def checked_array(
 
 def _usable(intrinsics_px: Intrinsics) -> bool:
     return bool(np.all(np.isfinite(intrinsics_px))) and min(intrinsics_px[:2]) > 0
-
-
-DECLARATION: Final = "depth.toml"
 
 
 @dataclass(frozen=True, kw_only=True)

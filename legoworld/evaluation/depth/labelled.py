@@ -36,6 +36,12 @@ from legoworld.pluralize import plural
 from legoworld.readouts.depth import DEPTH_FILE
 
 _SATURATED: Final = 65535
+#: Units that are written 1 / N of a metre, such as m/5000.
+_PARTS: Final = "m/"
+#: The units of a depth, for messages: the last two are of integers only.
+UNITS: Final = "m | mm | m/N, such as m/5000 | sun_rgbd | nyu_raw"
+VALUES: Final = "values"
+_LABELS: Final = ("space", "unit", "intrinsics_px", "format_version")
 
 
 def _sun_rgbd(stored: NDArray[np.uint16]) -> F64:
@@ -51,10 +57,6 @@ def _nyu_raw(stored: NDArray[np.uint16]) -> F64:
     number with its bytes swapped (the dataset's own toolbox swaps them back, too).
     """
     return 351.3 / (1092.5 - stored.byteswap().astype(np.float64))
-
-
-#: Units that are written 1 / N of a metre, such as m/5000.
-_PARTS: Final = "m/"
 
 
 def per_metre(unit: str | None) -> float | None:
@@ -74,9 +76,6 @@ _CODED: Final[dict[str, Callable[[NDArray[np.uint16]], F64]]] = {
     "sun_rgbd": _sun_rgbd,
     "nyu_raw": _nyu_raw,
 }
-
-#: The units of a depth, for messages: the last two are of integers only.
-UNITS: Final = "m | mm | m/N, such as m/5000 | sun_rgbd | nyu_raw"
 
 
 def is_unit(unit: str) -> bool:
@@ -121,10 +120,6 @@ def metres(
     if invalid_value is not None:
         depth_m[unknown] = np.inf
     return depth_m
-
-
-VALUES: Final = "values"
-_LABELS: Final = ("space", "unit", "intrinsics_px", "format_version")
 
 
 def read_labelled(

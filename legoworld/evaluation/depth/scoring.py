@@ -28,6 +28,8 @@ from legoworld.records.pixels import Metrics
 
 #: A spread below float32's resolution of the mean is rounding, not information.
 _NO_SPREAD: Final = 2.0**-24
+#: Approximate pixels per band: large enough for NumPy, small beside a 6048x4032 image.
+_BAND_PX: Final = 1 << 18
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,10 +106,6 @@ def aligned_z(disparity: F64, fit: Fit, min_disparity: float) -> tuple[F64, Mask
     aligned = fit.scale * disparity + fit.shift
     clamped = aligned < min_disparity
     return 1.0 / np.maximum(aligned, min_disparity), clamped
-
-
-#: Approximate pixels per band: large enough for NumPy, small beside a 6048x4032 image.
-_BAND_PX: Final = 1 << 18
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,6 +43,15 @@ AMODAL_METRICS: Final = {
 }
 #: Masks whose overlaps with all others are found together.
 _BLOCK: Final = 256
+#: What numbers are over: sums of `AmodalSums`.
+_OVER: Final = {
+    "n_occluded": "annotations with hidden parts",
+    "n_occluded_matched": "matched annotations with hidden parts",
+    "n_matched": "matched annotations",
+    "n_hidden": "wholly hidden annotations",
+    "n_order_predicted": "predicted pairs",
+    "n_order_truth": "true pairs",
+}
 
 
 class AmodalMasks(NamedTuple):
@@ -178,17 +187,6 @@ def total_sums(sums: Sequence[AmodalSums]) -> AmodalSums:
     """The sums over all images."""
     names = AmodalSums.__struct_fields__
     return AmodalSums(**{name: sum(getattr(one, name) for one in sums) for name in names})
-
-
-#: What numbers are over: sums of `AmodalSums`.
-_OVER: Final = {
-    "n_occluded": "annotations with hidden parts",
-    "n_occluded_matched": "matched annotations with hidden parts",
-    "n_matched": "matched annotations",
-    "n_hidden": "wholly hidden annotations",
-    "n_order_predicted": "predicted pairs",
-    "n_order_truth": "true pairs",
-}
 
 
 def short_amodal(summary: DetectionSummary) -> list[str]:

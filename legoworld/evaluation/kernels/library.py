@@ -33,6 +33,7 @@ _FUNCTIONS: Final = (
     "lw_voxels",
     "lw_within",
 )
+_MOST_THREADS: Final = 8
 
 
 @functools.cache
@@ -60,9 +61,6 @@ def check(done: int) -> None:
     if done == _NO_MEMORY:
         raise MemoryError("no memory for the evaluation's compiled library")
     assert not done, f"the evaluation's compiled library answers {done}"
-
-
-_MOST_THREADS: Final = 8
 
 
 def category_threads() -> ThreadPoolExecutor:

@@ -72,6 +72,9 @@ from legoworld.records.normals import (
 )
 from legoworld.tasks.shipped import NORMALS
 
+#: Mean error from which the array turned around has one below 45 degrees.
+_TURNED_DEG: Final = 180.0 - 45.0
+
 
 def short_normals(summary: NormalsSummary) -> str:
     """Pooled numbers under the primary policy with denominators, and the unscored images."""
@@ -129,10 +132,6 @@ def normals_notes(summary: NormalsSummary) -> list[str]:
 
 def _degrees(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
-
-
-#: Mean error from which the array turned around has one below 45 degrees.
-_TURNED_DEG: Final = 180.0 - 45.0
 
 
 def measure_normals(image: Measuring) -> ImageResult:

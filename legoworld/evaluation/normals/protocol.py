@@ -75,15 +75,13 @@ _DECLARED: Final = (
     "holes.policies",
     "holes.primary",
 )
+_BAND_PX: Final = 1 << 18
+PER_DEGREE: Final = round(1.0 / RESOLUTION_DEG)
 
 
 def normals_protocol(card: Card) -> PixelProtocol:
     """A card's protocol; InstallationError if a fixed value differs from the code's."""
     return pixel_protocol(card, fixed=_FIXED, declared=_DECLARED)
-
-
-_BAND_PX: Final = 1 << 18
-PER_DEGREE: Final = round(1.0 / RESOLUTION_DEG)
 
 
 def angular_errors(truth: NDArray[Any], sample: Sample, n_valid: int) -> F64:

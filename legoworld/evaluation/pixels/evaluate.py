@@ -35,6 +35,8 @@ from legoworld.workers.tasks import WorkerPool, map_items
 
 #: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
+#: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
+SCORED_AGAIN: Final = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,10 +166,6 @@ def _inputs(run: PixelRun, declaration: Path, files: Sequence[TruthFile]) -> lis
     calibration = sorted({path for file in files for path in file.calibration})
     paths += [("calibration", path) for path in calibration]
     return paths
-
-
-#: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
-SCORED_AGAIN: Final = 10
 
 
 def verify_pixels(family: PixelFamily, recorded: RecordedEvaluation) -> Iterator[Check]:

@@ -27,6 +27,14 @@ from legoworld.tasks.task import Family
 if TYPE_CHECKING:
     from legoworld.evaluation.pixels.rows import PixelRun
 
+#: What every family's code implements.
+_FIXED: Final[dict[str, Any]] = {
+    "scoring.resolution": "truth",
+    "scoring.images": "track",
+    "scoring.failed_image": "left_out_and_listed",
+    "holes.exclude": "not_scored",
+}
+
 
 class PixelErrors(NamedTuple):
     """The errors of a family, each with its own code.
@@ -63,15 +71,6 @@ def pixel_errors(noun: str, module: str) -> PixelErrors:
             for kind, own in attributes.items()
         }
     )
-
-
-#: What every family's code implements.
-_FIXED: Final[dict[str, Any]] = {
-    "scoring.resolution": "truth",
-    "scoring.images": "track",
-    "scoring.failed_image": "left_out_and_listed",
-    "holes.exclude": "not_scored",
-}
 
 
 @dataclass(frozen=True, kw_only=True)

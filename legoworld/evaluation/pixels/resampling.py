@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from legoworld.depth_files.headers import SizeCheck
 from legoworld.evaluation.pixels.family import F64, Index, Mask, PixelArray, PixelFamily
 
+LONGEST_SIDE: Final = 256
+
 
 @dataclass(frozen=True, kw_only=True)
 class SampledPrediction:
@@ -127,9 +129,6 @@ def _neighbours(position_px: F64) -> tuple[Index, F64]:
     shifted = position_px - 0.5
     first = np.floor(shifted)
     return first.astype(np.intp), shifted - first
-
-
-LONGEST_SIDE: Final = 256
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,6 +48,13 @@ _FIXED: Final[dict[str, Any]] = {
     "scoring.continuous": "revolute",
     "scoring.not_valid": "object_missing",
 }
+_LETTER: Final[dict[Outcome, str]] = {
+    "correct": "C",
+    "wrong": "W",
+    "part_missing": "P",
+    "object_missing": "O",
+    "joint_missing": "J",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,15 +84,6 @@ def articulation_rules() -> ArticulationRules:
         max_axis_deg=float(card.value("scoring.max_axis_deg")),
         max_axis_apart=float(card.value("scoring.max_axis_apart")),
     )
-
-
-_LETTER: Final[dict[Outcome, str]] = {
-    "correct": "C",
-    "wrong": "W",
-    "part_missing": "P",
-    "object_missing": "O",
-    "joint_missing": "J",
-}
 
 
 @dataclass(frozen=True, kw_only=True)

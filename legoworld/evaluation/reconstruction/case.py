@@ -45,6 +45,9 @@ from legoworld.records.reconstruction import (
 from legoworld.records.second_card import BenchXImage
 from legoworld.records.submission import BenchRow, Check, RenderFile, Validity
 
+#: Scripts never run and the render card has no compositor: alone, an artist's leftovers.
+_IDLE: Final = ("text_blocks", "compositor_nodes")
+
 
 def camera_error(
     row: BenchRow, case: BenchCase, registration: Registration | None
@@ -63,10 +66,6 @@ def camera_error(
         world_translation_m=float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3])),
         registration=registration,
     )
-
-
-#: Scripts never run and the render card has no compositor: alone, an artist's leftovers.
-_IDLE: Final = ("text_blocks", "compositor_nodes")
 
 
 @dataclass(frozen=True, kw_only=True)

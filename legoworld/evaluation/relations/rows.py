@@ -30,6 +30,8 @@ METRIC_OF: Final[Mapping[Kind, str]] = {
 }
 #: Lengths are compared in whole micrometres.
 _PER_METRE: Final = 1_000_000
+#: A truth without the photo.
+NO_TRUTH: Final = "the truth asks nothing of this image"
 
 
 def score(question: Question, truth: Answered, given: Answered | None) -> float:
@@ -107,10 +109,6 @@ def add(sums: dict[str, Sums], name: str, given: float, chance: float, blind: fl
     sums[name] = Sums(
         n=old.n + 1, score=old.score + given, chance=old.chance + chance, blind=old.blind + blind
     )
-
-
-#: A truth without the photo.
-NO_TRUTH: Final = "the truth asks nothing of this image"
 
 
 class ScoredImage(NamedTuple):

@@ -53,6 +53,9 @@ WORDS: Final[Mapping[str, str]] = {
     for word in words.split("/")
 }
 _BEFORE: Final = re.compile(r"^(?:the|a|an)\s+|\s+(?:is|are)(?:\s+(?:to|on|at)\s+the)?$")
+EXPECTED: Final = (
+    "a run of scenes, or JSON Lines of statements as VSR has them: image, caption, relation, label"
+)
 
 
 def statement_answers(
@@ -109,11 +112,6 @@ def _named(statement: Statement) -> tuple[str, str]:
 def _designator(text: str, vocabulary: Vocabulary) -> Designator:
     category = vocabulary.match(text) or vocabulary.match(text.removesuffix("s"))
     return Designator(category=category.name if category else text)
-
-
-EXPECTED: Final = (
-    "a run of scenes, or JSON Lines of statements as VSR has them: image, caption, relation, label"
-)
 
 
 class RelationsTruthError(LegoWorldError):

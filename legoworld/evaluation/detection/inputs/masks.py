@@ -23,6 +23,10 @@ from legoworld.files import Json
 _BLOCK: Final = 1 << 16
 #: JSON may hold halves of surrogate pairs; that no mask does is checked later.
 _ENCODING: Final = ("utf-8", "surrogatepass")
+#: pycocotools' area() casts the number of masks to uint8, which numpy 2 refuses from 256 on.
+_MOST_AREAS: Final = 255
+#: Number of texts that are copied in memory while they are measured.
+_MOST_MEASURED: Final = 8000
 
 
 class Texts(Sequence[str]):
@@ -96,12 +100,6 @@ def pack_texts(texts: Iterable[str]) -> Texts:
 
 
 _API: Any = _mask  # its stubs know neither lists of RLE nor text counts
-
-#: pycocotools' area() casts the number of masks to uint8, which numpy 2 refuses from 256 on.
-_MOST_AREAS: Final = 255
-
-#: Number of texts that are copied in memory while they are measured.
-_MOST_MEASURED: Final = 8000
 
 
 class EncodedMask(TypedDict):

@@ -29,6 +29,8 @@ _CHUNK_DETECTIONS: Final = 8000
 _FEW: Final = 64
 
 Columns = TypeVar("Columns", Detections, TrueInstances)
+#: As both evaluators compare: no overlap of 1 is lost to rounding.
+_HIGHEST: Final = 1 - 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,9 +118,6 @@ def _slice_columns(columns: Columns, some: slice, first_image: int) -> Columns:
     cut = {f.name: getattr(columns, f.name)[some] for f in fields(columns)}
     return replace(columns, **{**cut, "image": cut["image"] - first_image})
 
-
-#: As both evaluators compare: no overlap of 1 is lost to rounding.
-_HIGHEST: Final = 1 - 1e-10
 
 Column = NDArray[Any]
 Arrays = list[Column]

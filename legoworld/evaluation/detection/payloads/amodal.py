@@ -40,6 +40,7 @@ from legoworld.records.predictions import AmodalPrediction, Rle
 _VISIBLE: Final = ("visible_mask", "inmodal_seg", "i_segm")
 #: The categories of COCOA, whose regions have names in free text.
 _COCOA: Final[list[Json]] = [{"id": 1, "name": "object"}, {"id": 2, "name": "stuff"}]
+_NOT_ALL: Final = "predictions scored by their amodal masks alone: not all have a visible_mask"
 
 
 def coco_document(document: Json, name: str) -> Any:
@@ -121,9 +122,6 @@ def check_amodal(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign
     check_masks(f"{name} (visible_mask)", visible, images)
     for entry, checked in zip(own, visible, strict=True):
         entry["visible_mask"] = checked["segmentation"]
-
-
-_NOT_ALL: Final = "predictions scored by their amodal masks alone: not all have a visible_mask"
 
 
 def _make_columns(batches: Iterable[Sequence[AmodalPrediction]], sizes_wh: Sizes) -> GivenColumns:

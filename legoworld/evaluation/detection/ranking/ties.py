@@ -41,6 +41,8 @@ _DISTRIBUTIONS: Final = (
     "random_standard_exponential_fill",
     "random_multinomial",
 )
+#: Elements of one block of random orders, to bound memory: part of what a seed means.
+_BLOCK_ELEMENTS: Final = 1 << 21
 
 
 class _RandomStruct(ctypes.Structure):
@@ -98,9 +100,6 @@ def _distributions() -> tuple[int | None, ...]:
         ) from error
     return tuple(ctypes.cast(function, ctypes.c_void_p).value for function in functions)
 
-
-#: Elements of one block of random orders, to bound memory: part of what a seed means.
-_BLOCK_ELEMENTS: Final = 1 << 21
 
 Steps = NDArray[np.uint8]
 
