@@ -25,6 +25,7 @@ _RELATIVE: Final = (
     kinds.Depth,
     kinds.DepthOrder,
     kinds.Luminance,
+    kinds.Colour,
 )
 #: Closenesses of one scene, computed twice, differ by less.
 _SAME: Final = 1e-9

@@ -24,7 +24,7 @@ from legoworld.plugin.transactions import judge, unknown_names
 from legoworld.pluralize import first_few
 from legoworld.records.base import as_json, canonical, to_record
 from legoworld.records.plugin_ledger import Declaration, Entry, Judgement, TransactionLimits
-from legoworld.records.plugin_requirements import Luminance, Report, Requirement
+from legoworld.records.plugin_requirements import Colour, Luminance, Report, Requirement
 from legoworld.records.plugin_state import Change, SceneState
 
 STATES: Final = "states"
@@ -117,7 +117,7 @@ class Case(OpenLedger):
                 next_step="export the scene as it is",
             )
         wanted = (*declaration.requirements, *self._guarded(declaration))
-        scene, base = self.live.read(keep=True, luma_wh=self._luma_wh(wanted))
+        scene, base = self.live.read(keep=True, render_wh=self._render_wh(wanted))
         self.note(scene)
         unguarded = self.unguarded_changes(scene.state)
         if unknown := unknown_names(declaration, scene.state):
@@ -191,7 +191,7 @@ class Case(OpenLedger):
             then = to_record(Report, measured).results if measured else ()
             before, own = self.base(), declaration.requirements
             wanted = tuple(result.requirement for result in then) or own
-            scene, copy = self.live.read(keep=True, luma_wh=self._luma_wh(wanted))
+            scene, copy = self.live.read(keep=True, render_wh=self._render_wh(wanted))
             self.note(scene)
             now = measure(scene, wanted, self.evidence)
             worse = list_worse(then, now.results, len(own)) if then else ()
@@ -242,12 +242,12 @@ class Case(OpenLedger):
 
     def read(self, requirements: Sequence[Requirement] = ()) -> LiveScene:
         """The scene as it is now, rendered only where a requirement needs it."""
-        scene, _ = self.live.read(luma_wh=self._luma_wh(requirements))
+        scene, _ = self.live.read(render_wh=self._render_wh(requirements))
         self.note(scene)
         return scene
 
-    def _luma_wh(self, requirements: Sequence[Requirement]) -> tuple[int, int] | None:
-        rendered = any(isinstance(r, Luminance) for r in requirements)
+    def _render_wh(self, requirements: Sequence[Requirement]) -> tuple[int, int] | None:
+        rendered = any(isinstance(r, Colour | Luminance) for r in requirements)
         return self.evidence.size_wh if self.evidence and rendered else None
 
 

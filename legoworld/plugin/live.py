@@ -12,7 +12,7 @@ from typing import Final
 from legoworld.errors import LegoWorldError
 from legoworld.plugin.connection import BlenderConnection, BlenderRefusedError
 from legoworld.plugin.live_copy import COPY, LiveCopy
-from legoworld.plugin.small_render import render_luma
+from legoworld.plugin.small_render import render_small
 from legoworld.plugin.state import LiveScene, read_live
 from legoworld.records.plugin_state import SceneState
 from legoworld.scene.blender_process import BlenderProcess
@@ -101,19 +101,19 @@ class LiveBlender:
             copy.remove()
 
     def read(
-        self, *, keep: bool = False, luma_wh: tuple[int, int] | None = None
+        self, *, keep: bool = False, render_wh: tuple[int, int] | None = None
     ) -> tuple[LiveScene, str | None]:
         """The scene as it is now; with `keep` also the sha256 of the copy that `restore` takes.
 
-        luma_wh: the photo's size, to render the scene small for its luma; None to render nothing.
+        render_wh: the photo's size, to render the scene small; None to render nothing.
         BlenderRefusedError where its copy is changed meanwhile.
         """
         with self.save_copy() as copy:
             before = copy.sha256()
             scene = read_live(copy.path, self.reader)
-            if luma_wh is not None and not isinstance(scene.shown, LegoWorldError):
-                luma = render_luma(copy.path, self.reader, luma_wh)
-                scene = dataclasses.replace(scene, luma=luma)
+            if render_wh is not None and not isinstance(scene.shown, LegoWorldError):
+                render = render_small(copy.path, self.reader, render_wh)
+                scene = dataclasses.replace(scene, render=render)
             kept = copy.keep(self._store).stem if keep else None
             if (kept or copy.sha256()) != before:
                 raise BlenderRefusedError(

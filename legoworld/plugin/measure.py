@@ -18,7 +18,7 @@ from legoworld.plugin.acceptance import blocks
 from legoworld.plugin.corrections import Viewed, is_cut
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure_world import InTheWorld, Measured, UnknownError, UnmetError
-from legoworld.plugin.small_render import rec709_luma, spread
+from legoworld.plugin.small_render import mean_lab, rec709_luma, spread
 from legoworld.plugin.state import LiveScene
 from legoworld.pluralize import first_few
 from legoworld.readouts.filled_view import with_surfaces
@@ -29,6 +29,7 @@ from legoworld.visibility.kernel import Buffers
 from legoworld.visibility.view import surfaces_through
 
 Mask = NDArray[np.bool_]
+RGB = NDArray[np.uint8]
 
 
 #: All masks that are kept for the next requirement, at most.
@@ -293,15 +294,27 @@ class _Measurement(InTheWorld):
 
     def luminance(self, requirement: kinds.Luminance) -> tuple[float, float]:
         region = self.region(requirement.region)
+        ours, theirs = (
+            float(rec709_luma(rgb).mean()) for rgb in self._both_rgb(region, region, "region")
+        )
+        return ours - theirs, abs(ours - theirs)
+
+    def colour(self, requirement: kinds.Colour) -> tuple[float, float]:
+        mask, region = self.mask(requirement.entity), self.region(requirement.region)
+        ours, theirs = map(mean_lab, self._both_rgb(mask, region, "entity"))
+        difference = float(np.linalg.norm(ours - theirs))
+        return difference, difference
+
+    def _both_rgb(self, mask: Mask, region: Mask, whose: str) -> tuple[RGB, RGB]:
+        """(n, 3) pixels of the small render under a mask, and (m, 3) of the photo in a region."""
         if self.evidence is None or self.evidence.photo is None:
             raise UnknownError("the photo itself is not there: serve with --photo")
-        if self.scene.luma is None:
+        if self.scene.render is None:
             raise UnknownError("nothing was rendered")
-        if np.count_nonzero(region) < residuals.SMALLEST_PX:
-            raise UnknownError("the region has fewer than 16 pixels")
-        ours = float(spread(self.scene.luma, self.size_wh)[region].mean())
-        theirs = float(rec709_luma(self.evidence.photo)[region].mean())
-        return ours - theirs, abs(ours - theirs)
+        for pixels, name in ((mask, whose), (region, "region")):
+            if np.count_nonzero(pixels) < residuals.SMALLEST_PX:
+                raise UnknownError(f"the {name} has fewer than 16 pixels")
+        return spread(self.scene.render, self.size_wh)[mask], self.evidence.photo[region]
 
 
 def _large_shape(pixels: Mask, whose: str) -> residuals.Shape:

@@ -18,12 +18,17 @@ from legoworld.scene.snapshot import SceneCamera
 #: Cycles, few samples, no denoising: noise averages out over a region.
 _LONGEST_PX: Final = 192
 _SAMPLES: Final = 16
+#: Linear sRGB to XYZ, and XYZ of D65.
+_XYZ_OF_RGB: Final = np.array(
+    [[0.412453, 0.35758, 0.180423], [0.212671, 0.71516, 0.072169], [0.019334, 0.119193, 0.950227]]
+)
+_WHITE_XYZ: Final = np.array([0.95047, 1.0, 1.08883])
 
 
-def render_luma(
+def render_small(
     blend: Path, blender: BlenderProcess, photo_wh: tuple[int, int]
-) -> NDArray[np.float64]:
-    """(h, w) Rec. 709 luma of a .blend's camera view, in the photo's shape, at most 192 pixels.
+) -> NDArray[np.uint8]:
+    """(h, w, 3) display-encoded RGB of a .blend's camera view, in the photo's shape, h, w <= 192.
 
     Raises what the worker reports: a scene without a camera, or one that does not render.
     """
@@ -32,7 +37,7 @@ def render_luma(
     png = render_copy(blend, blender, (width, height), samples=_SAMPLES)
     picture = decoded_picture(png, color=True)
     assert picture is not None  # our own PNG
-    return rec709_luma(np.ascontiguousarray(picture[:, :, ::-1]))
+    return np.ascontiguousarray(picture[:, :, ::-1])
 
 
 def render_copy(
@@ -73,8 +78,20 @@ def rec709_luma(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.asarray(rgb @ np.array([0.2126, 0.7152, 0.0722])) / 255
 
 
-def spread(small: NDArray[np.float64], size_wh: tuple[int, int]) -> NDArray[np.float64]:
-    """A (h, w) picture at a larger (H, W): each pixel the nearest one of the small picture."""
+def mean_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """(3,) mean CIE 1976 L*a*b* (CIE 15, D65) of (n, 3) sRGB (IEC 61966-2-1), n > 0.
+
+    OpenCV's own conversion interpolates a table: a pixel's is off by up to .4.
+    """
+    unit = rgb / 255
+    linear = np.where(unit <= 0.04045, unit / 12.92, ((unit + 0.055) / 1.055) ** 2.4)
+    xyz = linear @ _XYZ_OF_RGB.T / _WHITE_XYZ
+    x, y, z = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116).T
+    return np.array([(116 * y - 16).mean(), 500 * (x - y).mean(), 200 * (y - z).mean()])
+
+
+def spread(small: NDArray[np.uint8], size_wh: tuple[int, int]) -> NDArray[np.uint8]:
+    """A (h, w, 3) picture at a larger (H, W): each pixel the nearest one of the small picture."""
     width, height = size_wh
     rows = (np.arange(height) * small.shape[0]) // height
     columns = (np.arange(width) * small.shape[1]) // width

@@ -25,13 +25,13 @@ NOTHING: Final = "0" * 64
 class LiveScene:
     """A copy of the live scene, read: what it shows and the state it was in.
 
-    shown: its snapshot, or the error that a readout of it ends with: no camera, no surface. luma:
-    (H, W) Rec. 709 luma of a small render, 0 to 1, None where none was asked for.
+    shown: its snapshot, or the error that a readout of it ends with: no camera, no surface.
+    render: (h, w, 3) RGB of a small render, None where none was asked for.
     """
 
     shown: Snapshot | LegoWorldError
     state: SceneState
-    luma: NDArray[np.float64] | None = None
+    render: NDArray[np.uint8] | None = None
 
     @property
     def snapshot(self) -> Snapshot:

@@ -19,8 +19,8 @@ class AnyRequirement(Record, frozen=True, kw_only=True, tag_field="kind"):
 
     accept: when a transaction may be committed. passes: within the tolerance. improves, not_worse:
     against the residual when it began. null: of the picture (centroid, extent, overlap, boundary,
-    depth, depth_order, luminance) what an entity has is judged together: its closeness, IoU times
-    exp(-depth residual in tolerances), must not fall; of the world, it passes.
+    depth, depth_order, luminance, colour) what an entity has is judged together: its closeness, IoU
+    times exp(-depth residual in tolerances), must not fall; of the world, it passes.
     """
 
     hard: bool = True
@@ -175,6 +175,15 @@ class Luminance(AnyRequirement, frozen=True, kw_only=True, tag="luminance"):
     tolerance: Positive = 0.10
 
 
+class Colour(_InRegion, frozen=True, kw_only=True, tag="colour"):
+    """CIE 1976 colour difference of the entity in a small fixed render and the photo's region.
+
+    Of the means of L*a*b* over the entity's visible pixels and over the region. Light counts, too.
+    """
+
+    tolerance: Positive = 9.0
+
+
 Requirement = (
     Existence
     | ValidTransform
@@ -195,6 +204,7 @@ Requirement = (
     | Depth
     | DepthOrder
     | Luminance
+    | Colour
 )
 
 

@@ -9,8 +9,10 @@ import pytest
 from msgspec.structs import replace
 from plugin.live_room import moved
 
+from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.measure import measure, surface_view
+from legoworld.plugin.measure import measure, surface_pixels, surface_view
+from legoworld.plugin.small_render import rec709_luma, spread
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import decode, readable
 from legoworld.records.plugin_evidence import CameraEvidence, EvidenceFile, PhotoEvidence, Region
@@ -243,13 +245,13 @@ def test_a_report_is_read_back_whole(live, evidence):
 
 def test_luminance_compares_a_render_with_the_photo(live, evidence, blender, room_folders):
     """The rendered room as its own photo passes; a photo a third brighter fails."""
-    from legoworld.plugin.small_render import render_luma
+    from legoworld.plugin.small_render import render_small
 
     blend = room_folders / "none" / "scene.blend"
-    luma = render_luma(blend, blender, SIZE)
-    assert (luma == render_luma(blend, blender, SIZE)).all()
-    scene = dataclasses.replace(live("none"), luma=luma)
-    gray = np.rint(luma * 255).astype(np.uint8)
+    render = render_small(blend, blender, SIZE)
+    assert (render == render_small(blend, blender, SIZE)).all()
+    scene = dataclasses.replace(live("none"), render=render)
+    gray = np.rint(rec709_luma(render) * 255).astype(np.uint8)
     requirement = kinds.Luminance(region="Table")
     for added, verdict in ((0, "pass"), (80, "fail")):
         photo = np.repeat(np.clip(gray.astype(int) + added, 0, 255)[..., None], 3, axis=2)
@@ -258,3 +260,23 @@ def test_luminance_compares_a_render_with_the_photo(live, evidence, blender, roo
         assert result.verdict == verdict
         assert result.measurement == pytest.approx(-added / 255, abs=0.005)
     assert one(live("none"), requirement, seen).reason == "nothing was rendered"
+
+
+def test_colour_is_the_difference_of_two_means(live, evidence):
+    """scikit-image's rgb2lab is asked; the entity's pixels and the region need not be the same."""
+    from skimage.color import deltaE_cie76, rgb2lab
+
+    render = np.full((30, 40, 3), (180, 90, 40), np.uint8)
+    render[:, ::2] = (20, 120, 200)
+    scene = dataclasses.replace(live("none"), render=render)
+    mask = surface_pixels(Entities(scene.snapshot).surfaces("Cup"), surface_view(scene, SIZE))
+    region = evidence.mask(evidence.region("Table"))
+    photo = np.random.default_rng(3).integers(0, 256, (*region.shape, 3), np.uint8)
+    seen = dataclasses.replace(evidence, photo=photo)
+    means = [rgb2lab(pixels).mean(axis=0) for pixels in (spread(render, SIZE)[mask], photo[region])]
+    requirement = kinds.Colour(entity="Cup", region="Table")
+    result = one(scene, requirement, seen)
+    assert result.measurement == pytest.approx(deltaE_cie76(*means), rel=1e-3)
+    photo[region] = render[0, 0]
+    render[:] = render[0, 0]
+    assert one(scene, requirement, seen).residual == pytest.approx(0.0, abs=1e-9)

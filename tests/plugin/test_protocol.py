@@ -25,7 +25,7 @@ from legoworld.records.plugin_ledger import TransactionLimits
 from legoworld.scene.blender_process import BlenderProcess, Limits
 
 #: What a model reads of the tools, in tokens of four characters: docs/plugin.md has the figures.
-MOST_TOKENS = 1480
+MOST_TOKENS = 1490
 MOST_TOKENS_OF_AN_ANSWER = 220
 #: Hints by name: read-only, destructive, idempotent.
 HINTS = {

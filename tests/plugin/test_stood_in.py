@@ -141,7 +141,7 @@ def live(tmp_path, monkeypatch):
     monkeypatch.setattr(live_module, "read_live", read_live)
     monkeypatch.setattr(live_module, "bpy_version", lambda: "4.2.3")
     monkeypatch.setattr(live_module.dataclasses, "replace", lambda scene, **how: (scene, how))
-    monkeypatch.setattr(live_module, "render_luma", lambda *words: words)
+    monkeypatch.setattr(live_module, "render_small", lambda *words: words)
     made = LiveBlender(blender, "the reader", tmp_path / "store")
     return SimpleNamespace(made=made, blender=blender, reads=reads, store=tmp_path / "store")
 
@@ -158,9 +158,9 @@ def test_a_scene_is_read_from_a_copy_that_goes_and_may_be_kept(live):
     assert list(live.blender.folder.iterdir()) == list(live.store.iterdir()) == []
     _, kept = live.made.read(keep=True)
     assert (live.store / f"{kept}.blend").read_bytes() == b"BLENDER 1"
-    (scene, how), _ = live.made.read(luma_wh=(6, 4))
+    (scene, how), _ = live.made.read(render_wh=(6, 4))
     assert scene.shown == "shown"
-    assert how == {"luma": (copy, "the reader", (6, 4))}
+    assert how == {"render": (copy, "the reader", (6, 4))}
     assert live.made.recovered is None
     live.blender.recovered = "/mine.blend"
     live.made.read()
@@ -172,7 +172,7 @@ def test_a_scene_is_read_from_a_copy_that_goes_and_may_be_kept(live):
 def test_what_cannot_be_shown_is_not_rendered(live, monkeypatch):
     broken = LiveScene(state=STATE, shown=LegoWorldError("no", found="x"))
     monkeypatch.setattr(live_module, "read_live", lambda *_: broken)
-    assert live.made.read(luma_wh=(6, 4)) == (broken, None)
+    assert live.made.read(render_wh=(6, 4)) == (broken, None)
 
 
 def test_a_copy_that_changes_while_it_is_read_is_refused(live, monkeypatch):
@@ -353,8 +353,10 @@ def test_a_small_render_is_of_the_photo_s_shape_and_its_light_is_rec_709(
         return png
 
     monkeypatch.setattr(small_render, "render_copy", render_copy)
-    luma = small_render.render_luma("the copy", "Blender", photo_wh)
+    found = small_render.render_small("the copy", "Blender", photo_wh)
     assert told == [("the copy", "Blender", asked, 16)]
+    assert (found == rgb).all()
+    luma = small_render.rec709_luma(found)
     assert luma == pytest.approx(np.array([[0.2126, 0.7152, 0.0722, 1.0]]))
 
 

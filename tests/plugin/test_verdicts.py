@@ -91,6 +91,11 @@ CASES = {
         {"matched": [["Chair", "Chair"], ["Crate", "Crate"]]},
         {"matched": TURNED},
     ),
+    "colour": (
+        {"entity": "Cup", "region": "Cup"},
+        {"entity": "Cup", "region": "Table"},
+        {"entity": "Cup", "region": "dot"},
+    ),
     "luminance": ({"region": "Cup"}, {"region": "Table"}, {"region": "dot"}),
 }  # fmt: skip
 
@@ -117,7 +122,7 @@ def seen(live):
     photo[masks["Table"]] = 200
     regions = [region_of(name, mask) for name, mask in masks.items()]
     evidence = evidence_with(regions, disparity=said, photo=photo, size=SIZE)
-    return dataclasses.replace(scene, luma=np.full((60, 80), 100 / 255)), evidence
+    return dataclasses.replace(scene, render=np.full((60, 80, 3), 100, np.uint8)), evidence
 
 
 def result(seen, kind, fields):
