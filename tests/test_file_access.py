@@ -79,7 +79,7 @@ ALLOWED: dict[str, dict[str, str]] = {
         "(folder / PICTURE).is_file": OURS,
         "(folder / ROWS).read_bytes": OURS, "(folder / RUN).read_bytes": OURS,
         "os.walk": "follows no link; a workspace is not entered", "path.exists": OURS,
-        "path.read_bytes": OURS, "path.stat": OURS,
+        "path.open": OURS, "path.read_bytes": OURS, "path.stat": OURS,
     },
 }  # fmt: skip
 

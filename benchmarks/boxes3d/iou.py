@@ -23,7 +23,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from evaluation.solids import box, rotation, scipy_iou  # noqa: E402
 
-from legoworld.evaluation.detection.box3d_errors import box_ious  # noqa: E402
+from legoworld.evaluation.box_overlaps import box_ious  # noqa: E402
 
 Floats = NDArray[np.float64]
 _LOOPS = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (3, 7, 6, 2), (0, 4, 7, 3), (1, 2, 6, 5))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from baseline_programs.child import ask_here, defaults, drawn_photo, importable, refusal, request
 
-from legoworld.evaluation.detection.box3d_errors import box_ious
+from legoworld.evaluation.box_overlaps import box_ious
 from legoworld.visibility.cuboids import cuboid_corners
 
 importable("objectron")

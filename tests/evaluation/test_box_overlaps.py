@@ -6,7 +6,7 @@ from evaluation.solids import about_y, box, rotation, scipy_iou
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from legoworld.evaluation.detection.box3d_errors import box_ious, box_volumes
+from legoworld.evaluation.box_overlaps import box_ious, box_volumes
 
 CUBE = box()
 SEEDS = st.integers(0, 2**32 - 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -376,7 +377,7 @@ def test_label_maps_without_any_segment_have_no_number(page: str, failed: bool) 
     side: Any = SimpleNamespace(
         rows=rows, summary=SimpleNamespace(categories=()), name="x", is_scene=True
     )
-    findings = label_maps_page._findings(family, mends, side)
+    findings = label_maps_page._findings(family, mends, side, Counter())
     assert (findings.value, findings.answered, findings.found) == (None, None, {})
     (shown,) = costs.side_costs([findings])
     assert shown.most == ()

@@ -1,42 +1,14 @@
-"""Boxes in space: volumes and exact IoU (kernels/solids.cpp), and errors of place, size and yaw.
-
-A box is its eight corners in Omni3D's order, (8, 3) float64: 0 1 2 3 around one side, 4 5 6 7
-behind them. Any parallelepiped will do, mirrored or sheared; a flat one has volume 0 and overlaps
-nothing.
-"""
+"""How boxes in space differ from their truths, beside the overlap: place, size, yaw."""
 
 from __future__ import annotations
 
-import ctypes
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.evaluation.kernels.library import check, library, pointer
 from legoworld.records.evaluation_summary import SpaceErrors
 from legoworld.visibility.cuboids import edge_vectors
-
-
-def box_volumes(corners: ArrayLike) -> Floats:
-    """(n,) volumes of (n, 8, 3) corners; 0 for a box that is flat to rounding."""
-    boxes = np.ascontiguousarray(corners, np.float64)
-    volumes = np.empty(len(boxes))
-    check(library().lw_box_volumes(pointer(boxes), ctypes.c_int64(len(boxes)), pointer(volumes)))
-    return volumes
-
-
-def box_ious(corners: ArrayLike, others: ArrayLike) -> Floats:
-    """(n, m) IoU of (n, 8, 3) and (m, 8, 3) corners; 0 where two boxes only touch."""
-    mine, theirs = (np.ascontiguousarray(boxes, np.float64) for boxes in (corners, others))
-    ious = np.empty((len(mine), len(theirs)))
-    done = library().lw_box_ious(
-        pointer(mine), ctypes.c_int64(len(mine)), pointer(theirs), ctypes.c_int64(len(theirs)),
-        pointer(ious),
-    )  # fmt: skip
-    check(done)
-    return ious
-
 
 Floats = NDArray[np.float64]
 

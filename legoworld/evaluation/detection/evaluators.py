@@ -17,8 +17,8 @@ import numpy as np
 
 from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, UsageError
+from legoworld.evaluation.box_overlaps import box_ious
 from legoworld.evaluation.detection import lvis_package
-from legoworld.evaluation.detection.box3d_errors import box_ious
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.payloads.boxes3d import corner_array

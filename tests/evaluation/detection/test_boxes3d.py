@@ -12,7 +12,8 @@ from evaluation.solids import about_y, ap3d, box, rotation
 
 from legoworld import cli
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.detection.box3d_errors import box_ious, difference_said
+from legoworld.evaluation.box_overlaps import box_ious
+from legoworld.evaluation.detection.box3d_errors import difference_said
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.grid import SPACE
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError

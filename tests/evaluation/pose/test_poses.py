@@ -22,7 +22,7 @@ from legoworld.evaluation.pose.errors import (
     vsd,
 )
 from legoworld.evaluation.pose.folder import BopFolder, PoseInputError, read_ply, read_results
-from legoworld.evaluation.pose.score import TAUS, _found, score_poses
+from legoworld.evaluation.pose.score import TAUS, _count_hits, score_poses
 from legoworld.exports.bop import write_views
 
 K = np.array([[100.0, 0, 31.5], [0, 100, 23.5], [0, 0, 1]])
@@ -339,9 +339,9 @@ def test_an_instance_of_which_a_tenth_is_visible_counts(dataset, tmp_path):
 
 
 def test_an_error_at_a_threshold_is_not_below_it_and_each_truth_is_taken_once():
-    assert (_found([[0.5]], 0.5), _found([[0.4999]], 0.5)) == (0, 1)
-    assert _found([[0.1, 0.2], [0.1, 0.9]], 0.5) == 1
-    assert _found([[0.1, 0.2], [0.9, 0.2]], 0.5) == 2
+    assert (_count_hits([[0.5]], 0.5), _count_hits([[0.4999]], 0.5)) == (0, 1)
+    assert _count_hits([[0.1, 0.2], [0.1, 0.9]], 0.5) == 1
+    assert _count_hits([[0.1, 0.2], [0.9, 0.2]], 0.5) == 2
 
 
 def test_a_reflection_is_no_rotation(dataset, tmp_path):

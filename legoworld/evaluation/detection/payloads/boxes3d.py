@@ -13,12 +13,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeGuard, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.evaluation.detection.box3d_errors import (
-    box_ious,
-    box_volumes,
-    difference_said,
-    space_errors,
-)
+from legoworld.evaluation.box_overlaps import box_ious, box_volumes
+from legoworld.evaluation.detection.box3d_errors import difference_said, space_errors
 from legoworld.evaluation.detection.grid import SPACE
 from legoworld.evaluation.detection.inputs.box_formats import is_finite
 from legoworld.evaluation.detection.inputs.prediction_checks import PredictionsInvalidError
