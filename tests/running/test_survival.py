@@ -111,7 +111,7 @@ def test_a_worker_killed_mid_scene_is_replaced_and_its_scene_read_again(
 ):
     output = tmp_path / "run"
     process = stopped(readout(scenes, output, "coco", "--no-cache"), "asked", scene)
-    (worker,) = descendants(process.pid)
+    worker, *_ = descendants(process.pid)  # what its imports may have started comes after it
     os.kill(worker, signal.SIGKILL)
     paused.resumed(process)
     _, error = process.communicate(timeout=PATIENCE_S)
