@@ -18,7 +18,7 @@ PYTHON_OF_HARBOR := python3.12
 KERNEL := $(wildcard legoworld/visibility/*.cpp legoworld/visibility/*.hpp legoworld/visibility/shared/*.hpp legoworld/evaluation/kernels/*.cpp legoworld/evaluation/kernels/*.hpp)
 DEMO := legoworld-demo
 BENCH_DEMO := legoworld-bench
-# Two processes for each core and one more (tests/conftest.py); PYTEST_ARGS=-n0 runs all tests in one.
+# A process for each core and one more (tests/conftest.py); PYTEST_ARGS=-n0 runs all tests in one.
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 # Two: a network takes up to 1.3 GB.
 PARALLEL_MODELS := -n auto --maxprocesses 2 --dist worksteal
