@@ -20,7 +20,7 @@ import cv2
 import mathutils
 import numpy as np
 import planted
-from planted import F64, Pose, Thing, camera, cast, corners, placed
+from planted import F64, Pose, Thing, camera, cast, corners, place_things
 from touching import _FACES, box
 
 from legoworld.plugin.small_render import mean_lab
@@ -90,7 +90,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         while len(found["same"][0]) < rooms:
             rotation, place = camera(random)
-            pose, things = (rotation, place - [0, 1.5, 0]), placed(random, 8)
+            pose, things = (rotation, place - [0, 1.5, 0]), place_things(random, 8)
             depths = cast([*things.values()], pose)
             shown = np.where(np.isfinite(depths.min(axis=0)), depths.argmin(axis=0), -1)
             seen = [k for k in range(len(things)) if (shown == k).sum() >= SEEN_PX]
@@ -120,7 +120,7 @@ def main() -> None:
         named = [off > tolerance for off in planted_off]
         accused = [off > tolerance for off in innocent_off]
         middle, most = np.quantile(innocent_off, [0.5, 1])
-        print(f"{which} light: {planted.told(named, accused)}; planted off by "
+        print(f"{which} light: {planted.count_fails(named, accused)}; planted off by "
               f"{min(planted_off):.1f} or more, innocent by {middle:.1f} at the median and "
               f"{most:.1f} at most")  # fmt: skip
 

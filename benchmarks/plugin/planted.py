@@ -73,7 +73,7 @@ def scene_of(parts: dict[str, list[F64]], pose: Pose) -> LiveScene:
     return LiveScene(shown=shot, state=state)
 
 
-def asked(scene: LiveScene, requirements: list[Requirement]) -> tuple[Result, ...]:
+def measure_in_picture(scene: LiveScene, requirements: list[Requirement]) -> tuple[Result, ...]:
     """The results in a picture of WH."""
     return measure(scene, requirements, None, size_wh=WH).results
 
@@ -81,7 +81,7 @@ def asked(scene: LiveScene, requirements: list[Requirement]) -> tuple[Result, ..
 # Stability.
 
 
-def clipped(polygon: F64, window: F64) -> F64:
+def clip_polygon(polygon: F64, window: F64) -> F64:
     """The part of a convex polygon in another, both counter-clockwise (Sutherland, Hodgman)."""
     for a, b in zip(window, np.roll(window, -1, axis=0), strict=True):
         way = b - a
@@ -126,7 +126,7 @@ def standing(random: np.random.Generator) -> tuple[dict[str, list[F64]], float]:
             parts = [box(low[0], high[0], turn), box(low[1], high[1])]
             volumes = np.prod([foot, weight], axis=1)
             mass = (at[:2] * volumes[0] + held[:2] * volumes[1]) / volumes.sum()
-        polygon = clipped(parts[0][:4, :2], table[:4, :2])
+        polygon = clip_polygon(parts[0][:4, :2], table[:4, :2])
         if len(polygon) > 2:
             ways = np.roll(polygon, -1, axis=0) - polygon
             polygon = polygon[np.linalg.norm(ways, axis=1) > 1e-9]
@@ -140,16 +140,16 @@ def stability(rooms: int, random: np.random.Generator) -> None:
     off, pose = [], (np.eye(3), np.zeros(3))
     while len(counts[True]) < rooms // 2 or len(counts[False]) < 10 * rooms:
         parts, true = standing(random)
-        (result,) = asked(scene_of(parts, pose), [kinds.Stability(entity="thing")])
+        (result,) = measure_in_picture(scene_of(parts, pose), [kinds.Stability(entity="thing")])
         counts[true < 0].append(result.verdict == "fail")
         if result.measurement is not None:
             off.append(abs(result.measurement - true) * 1000)
     middle, most, worst = np.quantile(off, [0.5, 0.99, 1])
-    print(f"stability: {told(counts[True], counts[False])}; margin of {len(off)} off by "
+    print(f"stability: {count_fails(counts[True], counts[False])}; margin of {len(off)} off by "
           f"{middle:.1f} mm at the median, {most:.1f} at 99 %, {worst:.1f} at most")  # fmt: skip
 
 
-def told(planted: list[bool], innocent: list[bool]) -> str:
+def count_fails(planted: list[bool], innocent: list[bool]) -> str:
     """Counts: of what fails."""
     return (
         f"planted {len(planted)}, named {sum(planted)}; "
@@ -163,7 +163,7 @@ def told(planted: list[bool], innocent: list[bool]) -> str:
 Thing = tuple[F64, F64, float]  # middle of its bottom, size, turn
 
 
-def placed(random: np.random.Generator, n: int) -> dict[str, Thing]:
+def place_things(random: np.random.Generator, n: int) -> dict[str, Thing]:
     """Blocks on the floor before the camera, turned, and a cup on every second."""
     made: dict[str, Thing] = {}
     for k in range(n):
@@ -204,14 +204,16 @@ def hidden(rooms: int, random: np.random.Generator) -> None:
     off = []
     while len(planted) < rooms // 2 or len(innocent) < 10 * rooms:
         rotation, place = camera(random)
-        pose, things = (rotation, place - [0, 1.5, 0]), placed(random, 10)
+        pose, things = (rotation, place - [0, 1.5, 0]), place_things(random, 10)
         behind = things[str(random.choice([*things]))][0]
         at = np.append((pose[1] * 0.3 + behind * 0.7)[:2], 0.0)
         things["screen"] = (at, random.uniform([0.5, 0.1, 1], [1.2, 0.2, 2]), 0.0)
         depths = cast([*things.values()], pose)
         nearest = depths.argmin(axis=0)
         scene = scene_of({name: [corners(thing)] for name, thing in things.items()}, pose)
-        for k, result in enumerate(asked(scene, [kinds.Hidden(entity=name) for name in things])):
+        for k, result in enumerate(
+            measure_in_picture(scene, [kinds.Hidden(entity=name) for name in things])
+        ):
             whole = np.isfinite(depths[k])
             if (area := int(whole.sum())) < LEAST_PX:
                 continue
@@ -220,7 +222,7 @@ def hidden(rooms: int, random: np.random.Generator) -> None:
             off.append(abs(result.measurement - true))
             if abs(true - 0.5) > 0.1:
                 (planted if true > 0.5 else innocent).append(result.verdict == "fail")
-    print(f"hidden: {told(planted, innocent)}; share of {len(off)} off by "
+    print(f"hidden: {count_fails(planted, innocent)}; share of {len(off)} off by "
           f"{np.quantile(off, 0.99):.4f} at 99 %, {np.max(off):.4f} at most")  # fmt: skip
 
 

@@ -85,9 +85,7 @@ def warning_lines(rows: Sequence[RunRow], *, verbose: bool) -> list[str]:
         return [f"warning: {name_on_line(row.file_name)}: {text}" for row, text in warned]
     kinds: dict[str, list[tuple[RunRow, str]]] = {}
     for row, text in warned:
-        kinds.setdefault(re.sub(r"'[^']*'|\"[^\"]*\"|\d+(\.\d+)?", "*", text), []).append(
-            (row, text)
-        )
+        kinds.setdefault(_kind(text), []).append((row, text))
     lines = []
     for alike in sorted(kinds.values(), key=lambda found: -len(found)):
         row, text = alike[0]

@@ -43,7 +43,7 @@ def photo_alone(document: PageDocument, name: str) -> PageDocument:
         for kind, place in _pictures(view):
             (glbs if kind == "glb" else used[kind]).add(place)
 
-    def kept(files: list[bytes], places: set[int | None]) -> list[bytes]:
+    def keep_places(files: list[bytes], places: set[int | None]) -> list[bytes]:
         return [data if k in places else b"" for k, data in enumerate(files)]
 
     scenes = document.scenes
@@ -55,12 +55,12 @@ def photo_alone(document: PageDocument, name: str) -> PageDocument:
             if section.key == view.section
         ],
         views=views,
-        photos=kept(document.photos, used["photo"]),
-        overlays=kept(document.overlays, used["overlay"]),
+        photos=keep_places(document.photos, used["photo"]),
+        overlays=keep_places(document.overlays, used["overlay"]),
         scenes=SceneFiles(
             folders=scenes.folders,
-            renders=kept(scenes.renders, used["render"]),
-            glbs=kept(scenes.glbs, glbs),
+            renders=keep_places(scenes.renders, used["render"]),
+            glbs=keep_places(scenes.glbs, glbs),
         ),
         alone=True,
     )
