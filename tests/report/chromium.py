@@ -18,6 +18,8 @@ _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _ARGUMENTS = [
     "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage",  # a container's may be too small
+    # Without a GPU frames are painted by SwiftShader, slower than Skia on the CPU. WebGL needs it.
+    "--disable-gpu-compositing", "--disable-gpu-rasterization",
 ]  # fmt: skip
 _PATIENCE_MS = 300_000
 
@@ -42,9 +44,13 @@ class Browser:
         self.page.set_default_timeout(_PATIENCE_MS)
         self.said: list[str] = []
         self.asked: list[str] = []
-        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("console", lambda message: self._keep(message.text))
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
         self.page.on("request", lambda request: self.asked.append(request.url))
+
+    def _keep(self, text: str) -> None:
+        if "GPU stall" not in text:  # SwiftShader's driver about a frame that is read back
+            self.said.append(text)
 
     def open(self, path: Path, hash_text: str = "") -> float:
         """Load a file as if new; returns seconds until its load event."""
