@@ -84,11 +84,30 @@ def several(made):
     bpy.data.scenes.new("Another")
     bpy.data.scenes.new("Nothing to see")
 
+def waved(made):
+    made.modifiers.new("Fine", "SUBSURF").render_levels = 4
+    made.modifiers.new("Wave", "WAVE").height = 0.5
+    bpy.context.scene.render.frame_map_old, bpy.context.scene.render.frame_map_new = 100, 50
+    bpy.context.scene.frame_set(40, subframe=0.5)
+
+def clocked(made):
+    tree = bpy.data.node_groups.new("Clock", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    time = tree.nodes.new("GeometryNodeInputSceneTime")
+    move = tree.nodes.new("GeometryNodeTransform")
+    tree.links.new(first.outputs[0], move.inputs[0])
+    tree.links.new(time.outputs["Seconds"], move.inputs["Translation"])
+    tree.links.new(move.outputs[0], last.inputs[0])
+    made.modifiers.new("Nodes", "NODES").node_group = tree
+    bpy.context.scene.frame_set(-7)
+
 def plain(made):
     pass
 
 for change in (simulated, keyed, driven, driven_material, marked, scattered, collided, subdivided,
-               arrayed, several, plain):
+               arrayed, several, waved, clocked, plain):
     fresh(); camera()
     made = quad("Thing")
     change(made)
@@ -118,7 +137,7 @@ def found(build_scenes, tmp_path_factory: pytest.TempPathFactory) -> dict[str, l
 
 
 def test_the_snapshot_is_the_same(found):
-    assert len(found) == 11
+    assert len(found) == 13
     assert {name for name, (_, without, whole) in found.items() if without != whole} == set()
 
 

@@ -50,7 +50,10 @@ def detach_viewport() -> Iterator[Callable[[], Any]]:
         # Also where an evaluation would not end: a FIFO is read as soon as it is needed.
         if scene is not None and (_is_still(scene) or irregular_files()):
             kept.append(scene)
-            bpy.context.window.scene = bpy.data.scenes.new("Nothing to see")
+            empty = bpy.data.scenes.new("Nothing to see")
+            # A render of another scene than the window's is a render of the window's frame.
+            empty.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+            bpy.context.window.scene = empty
 
     handlers = bpy.app.handlers.load_post
     handlers.append(look_away)
