@@ -245,11 +245,7 @@ def _evidence(
         summary,
         configuration,
         run=RunOrigin(
-            kind=made.kind or None,
-            source=made.source or None,
-            track_sha256=made.track_sha256 or None,
-            images_sha256=made.images_sha256 or None,
-            vocabulary_sha256=made.vocabulary_sha256 or None,
+            **{name: getattr(made, name) or None for name in RunOrigin.__struct_fields__}
         ),
         protocol=CardOrigin(
             task=protocol.task, card_version=protocol.card.version, card_sha256=protocol.card.sha256

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any, Final, Literal
@@ -76,21 +77,15 @@ def run_evaluator(
 
 
 def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> OfficialScores:
-    from pycocotools import coco as coco_api
     from pycocotools.cocoeval import COCOeval
 
-    new: Any = coco_api.COCO  # its stubs know neither datasets given as dicts nor lists of results
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        true = new()
-        true.dataset = truth.document()
-        true.createIndex()
+        true = _coco(truth.document())
         if len(predictions.entries):
             results = true.loadRes(predictions.entries.results())
         else:  # loadRes cannot read an empty list
-            results = new()
-            results.dataset = {**truth.document(), "annotations": []}
-            results.createIndex()
+            results = _coco({**truth.document(), "annotations": []})
         evaluation = COCOeval(true, results, iou_type)
         evaluation.params.imgIds = [i["id"] for i in truth.images]
         evaluation.evaluate()
@@ -107,6 +102,16 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
     )
 
 
+def _coco(document: Mapping[str, Any]) -> Any:
+    """A document as pycocotools holds one; its stubs do not know it given as a dict."""
+    from pycocotools.coco import COCO
+
+    held: Any = COCO()
+    held.dataset = document
+    held.createIndex()
+    return held
+
+
 def _in_space(
     truth: Truth, predictions: Predictions, protocol: DetectionProtocol
 ) -> OfficialScores:
@@ -114,7 +119,6 @@ def _in_space(
 
     It is given the IoU of boxes in space, depth as area, and annotations' own `ignore`.
     """
-    from pycocotools import coco as coco_api
     from pycocotools.cocoeval import COCOeval
 
     class InSpace(COCOeval):  # type: ignore[misc]
@@ -131,7 +135,7 @@ def _in_space(
                 return []
             return box_ious(corner_array(kept), corner_array([t["bbox3D"] for t in true]))
 
-    grid, new = protocol.grid, coco_api.COCO
+    grid = protocol.grid
     true_ignore = {a["id"]: a["ignore"] for a in truth.annotations}
     depths = corner_array(predictions.entries.shape)[:, :, 2].mean(axis=1).tolist()
     results = [
@@ -141,11 +145,8 @@ def _in_space(
         )
     ]
     with contextlib.redirect_stdout(io.StringIO()):
-        true, found = new(), new()
-        true.dataset, found.dataset = truth.document(), {**truth.document(), "annotations": results}
-        true.createIndex()
-        found.createIndex()
-        evaluation: Any = InSpace(true, found, "bbox")
+        found = _coco({**truth.document(), "annotations": results})
+        evaluation: Any = InSpace(_coco(truth.document()), found, "bbox")
         evaluation.params.imgIds = [i["id"] for i in truth.images]
         evaluation.params.iouThrs = grid.iou
         evaluation.params.areaRng = [list(bounds) for bounds in grid.ranges]

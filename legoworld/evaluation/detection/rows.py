@@ -116,15 +116,9 @@ def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any
     pairs = _pairs_by_entry(score)
     drawn = []
     for k, entry in enumerate(predictions.entries.documents()):
-        pair = pairs.get(k)
-        drawn.append(
-            {
-                **entry,
-                "outcome_50": outcome[k],
-                "pair_annotation": pair[0] if pair else None,
-                "pair_iou": pair[1] if pair else None,
-            }
-        )
+        annotation, iou = pairs.get(k, (None, None))
+        found = {"outcome_50": outcome[k], "pair_annotation": annotation, "pair_iou": iou}
+        drawn.append({**entry, **found})
     keys = (
         "id", "image_id", "category_id", "bbox", "segmentation", "visible_mask", "area",
         "iscrowd", "ignore", "bbox3D",

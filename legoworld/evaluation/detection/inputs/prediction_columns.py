@@ -142,10 +142,7 @@ class PredictionColumns(Sequence[Prediction]):
     def __getitem__(self, index: int | slice) -> Prediction | Sequence[Prediction]:
         """The prediction at a position."""
         assert isinstance(index, int)
-        columns = self.image_id, self.category_id, self.score
-        image_id, category_id, score = (column[[index]].tolist()[0] for column in columns)
-        visible = None if self.visible is None else self.visible[index]
-        return self._prediction(image_id, category_id, self.shape[index], score, visible)
+        return next(iter(self.take(np.array([index]))))
 
     def _prediction(
         self,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -109,13 +110,11 @@ def check_annotations(
     counts what was taken in spite of its form. TruthInvalidError otherwise.
     """
     objects = _objects(name, "annotations", entries)
-    _refuse(name, "annotations", objects, _key_fault("id"), "an integer id")
+    refuse = partial(_refuse, name, "annotations", objects)
+    refuse(_key_fault("id"), "an integer id")
     _refuse_repeats(name, objects)
-    _refuse(name, "annotations", objects, _key_fault("image_id"), "the integer id of its image")
-    _refuse(
-        name,
-        "annotations",
-        objects,
+    refuse(_key_fault("image_id"), "the integer id of its image")
+    refuse(
         lambda a: None if a["image_id"] in images else "no such image",
         f"the id of one of the file's {plural(len(images), 'image', 'images')}",
         "correct the image_id; where images were cut out of the file, cut their annotations, too",
@@ -153,31 +152,21 @@ def check_boxes(
 
 def _check_values(name: str, own: Sequence[Foreign], category_ids: frozenset[int]) -> None:
     """What both kinds of scoring read of an annotation, besides its mask."""
-    rules: list[tuple[Fault, str, str]] = [
-        (_key_fault("category_id"), "the integer id of its category", _CORRECT),
-        (
-            lambda a: None if a["category_id"] in category_ids else _format_entry(a, "category_id"),
-            f"one of the file's {len(category_ids)} category ids",
-            _CORRECT,
-        ),
-        (
-            _box_fault,
-            "x, y, width, height: four finite numbers, width and height of at least 0",
-            _CORRECT,
-        ),
-        (
-            _area_fault,
-            "a finite number of at least 0",
-            "write the area in pixels of the mask, or width x height where there is none",
-        ),
-        (
-            lambda a: None if a.get("iscrowd", 0) in (0, 1) else _format_entry(a, "iscrowd"),
-            "0 or 1",
-            "",
-        ),
-    ]
-    for fault, expected, next_step in rules:
-        _refuse(name, "annotations", own, fault, expected, next_step or _CORRECT)
+    refuse = partial(_refuse, name, "annotations", own)
+    refuse(_key_fault("category_id"), "the integer id of its category")
+    refuse(
+        lambda a: None if a["category_id"] in category_ids else _format_entry(a, "category_id"),
+        f"one of the file's {len(category_ids)} category ids",
+    )
+    refuse(_box_fault, "x, y, width, height: four finite numbers, width and height of at least 0")
+    refuse(
+        _area_fault,
+        "a finite number of at least 0",
+        "write the area in pixels of the mask, or width x height where there is none",
+    )
+    refuse(
+        lambda a: None if a.get("iscrowd", 0) in (0, 1) else _format_entry(a, "iscrowd"), "0 or 1"
+    )
 
 
 def check_masks(name: str, own: Sequence[Foreign], images: Mapping[int, Foreign]) -> None:

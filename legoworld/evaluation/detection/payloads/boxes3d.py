@@ -6,13 +6,14 @@ Omni3D's rules of AP3D (Brazil et al., CVPR 2023), as docs/protocols/boxes3d.md 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from legoworld.errors import LegoWorldError
 from legoworld.evaluation.box_overlaps import box_ious, box_volumes
 from legoworld.evaluation.detection.box3d_errors import difference_said, space_errors
 from legoworld.evaluation.detection.grid import SPACE
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from legoworld.evaluation.detection.matching.matches import Chunk
 
 Floats = NDArray[np.float64]
+_Fault = Callable[[Floats], tuple[str, str]]
 
 #: Truth that is ignored: cut off by the picture, or hidden, by at least so much.
 CUT_OFF: Final = 1 / 3
@@ -70,19 +72,21 @@ def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionC
     """A scene's own boxes may lie anywhere; what others made is held to the frame, too."""
     columns = given.columns
     corners = corner_array(columns.shape)
-    faults = [(_shape_fault(corners), _CORNERS)]
-    if checking.order == "given":
-        faults += [(_frame_fault(corners), _FRAME), (_unit_fault(corners), _FRAME)]
-    for (found, next_step), expected in faults:
-        if found:
-            raise PredictionsInvalidError(
-                "the boxes in space cannot be scored",
-                found=found,
-                expected=expected,
-                next_step=next_step,
-            )
+    rules = (_shape_fault, _frame_fault, _unit_fault)[: 3 if checking.order == "given" else 1]
+    _refuse(PredictionsInvalidError, "the boxes in space cannot be scored", corners, rules)
     checking.warnings[_FLAT] = int((box_volumes(corners) == 0).sum())
     return in_order(columns, checking.order), 0
+
+
+def _refuse(
+    error: type[LegoWorldError], problem: str, corners: Floats, rules: Sequence[_Fault]
+) -> None:
+    """Raise the error for the first rule that (n, 8, 3) corners break."""
+    for rule in rules:
+        found, next_step = rule(corners)
+        if found:
+            expected = _CORNERS if rule is _shape_fault else _FRAME
+            raise error(problem, found=found, expected=expected, next_step=next_step)
 
 
 def _shape_fault(corners: Floats) -> tuple[str, str]:
@@ -202,17 +206,8 @@ def _check_format(
     name: str, own: Sequence[Foreign], _images: Mapping[int, Foreign], repairs: Counter[str]
 ) -> None:
     corners = corner_array([cast("Any", a["bbox3D"]) for a in own if a.get("valid3D") is not False])
-    for (found, next_step), expected in (
-        (_shape_fault(corners), _CORNERS),
-        (_frame_fault(corners), _FRAME),
-    ):
-        if found:
-            raise TruthInvalidError(
-                f"the boxes of {name} cannot be scored against",
-                found=found,
-                expected=expected,
-                next_step=next_step,
-            )
+    problem = f"the boxes of {name} cannot be scored against"
+    _refuse(TruthInvalidError, problem, corners, (_shape_fault, _frame_fault))
     if far := _unit_fault(corners)[0]:
         repairs[f"truth boxes at {far}; are they in metres?"] += len(corners)
     if flat := int((box_volumes(corners) == 0).sum()):
