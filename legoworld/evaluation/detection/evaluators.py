@@ -85,8 +85,8 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
         true = new()
         true.dataset = truth.document()
         true.createIndex()
-        if len(predictions.entries):
-            results = true.loadRes(predictions.entries.results())
+        if entries := predictions.entries.results():
+            results = true.loadRes(entries)
         else:  # loadRes cannot read an empty list
             results = new()
             results.dataset = {**truth.document(), "annotations": []}
