@@ -38,6 +38,7 @@ from legoworld.evaluation.reconstruction.submission import (
     load_surface,
     read_bench_run,
 )
+from legoworld.evaluation.run import read_run
 from legoworld.workers.tasks import WorkerPool
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
@@ -159,7 +160,7 @@ def main() -> None:
             start, spent = time.perf_counter(), cpu_seconds()
             evaluate_bench(
                 EvaluationRequest(
-                    run=run,
+                    run=read_run(run),
                     truth=dataset.private,
                     output=root / "evaluation",
                     draws=10_000,

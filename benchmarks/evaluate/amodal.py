@@ -23,6 +23,7 @@ from pycocotools.cocoeval import COCOeval
 
 from legoworld.evaluation.detection.evaluate import evaluate_detections
 from legoworld.evaluation.family import EvaluationRequest
+from legoworld.evaluation.run import read_run
 from legoworld.tracks.vocabulary import from_json
 
 SIZE_WH = (640, 480)
@@ -50,7 +51,9 @@ def main() -> int:
         write_run(run, truth, predictions)
         file.write_text(json.dumps(truth))
         begin = time.process_time()
-        request = EvaluationRequest(run=run, truth=file, output=Path(folder, "e"), draws=args.draws)
+        request = EvaluationRequest(
+            run=read_run(run), truth=file, output=Path(folder, "e"), draws=args.draws
+        )
         summary = evaluate_detections(request).summary
         print(f"    evaluate     {time.process_time() - begin:7.2f} CPU s")
     if list(summary.official) != official:

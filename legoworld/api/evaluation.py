@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypedDict, Unpack, cast
 from legoworld.api.arguments import check_argument, check_arguments
 from legoworld.api.by_task import (
     ByTask,
-    options_by_task,
-    own_options,
     refuse_result_at,
     task_folder,
 )
@@ -21,13 +19,13 @@ from legoworld.api.folders import parse_place, read_from, written_whole
 from legoworld.api.listener import SILENT, Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.family import EvaluationRequest, Origins, load_evaluation_family
+from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Origins
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import Coverage, Summary
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_image_rows, read_summary
 from legoworld.remote import Place
-from legoworld.tasks.registry import find_family, require_task
+from legoworld.tasks.registry import find_family, options_by_task, require_task
 from legoworld.tasks.shipped import NumberTask, PolicyTask
 from legoworld.workers.engines import EngineName, engine_cores
 from legoworld.workers.tasks import WorkerPool
@@ -315,14 +313,15 @@ class _Request:
             run = read_run(here)
             _refuse_other("run", source, run.task, task)
             listener.total(len(run.images))
-            summary = load_evaluation_family(run.task).evaluate(
+            family = find_family(run.task)
+            summary = family.load("evaluation", EvaluationFamily).evaluate(
                 EvaluationRequest(
-                    run=here,
+                    run=run,
                     truth=truth,
                     output=folder,
-                    draws=self.draws or find_family(run.task).draws,
+                    draws=self.draws or family.draws,
                     seed=self.seed,
-                    options=own_options(run.task, **given),
+                    options=options_by_task([run.task], **given)[run.task],
                     overwrite=self.overwrite,
                     progress=listener.scored,
                     notice=listener.notice,

@@ -7,12 +7,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from legoworld.api.arguments import check_arguments
-from legoworld.api.by_task import ByTask, options_by_task, task_folder, tasks_below
+from legoworld.api.by_task import ByTask, task_folder, tasks_below
 from legoworld.api.folders import parse_place, read_from, written_at
 from legoworld.api.readout import Run
 from legoworld.records.folders.read_run import RUN
 from legoworld.remote import Place
 from legoworld.running.merge_shards import merge_shards
+from legoworld.tasks.registry import options_by_task
 
 
 @check_arguments

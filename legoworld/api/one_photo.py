@@ -9,6 +9,7 @@ from typing import Final
 
 from legoworld.errors import UsageError
 from legoworld.evaluation.family import EvaluationRequest, load_evaluation_family
+from legoworld.evaluation.run import read_run
 from legoworld.readouts.family import Protocol, protocol
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.evaluation_summary import Summary
@@ -198,5 +199,7 @@ def _look(request: PhotoRequest, scene: Path, reading: Protocol, folder: Path) -
 
 def _evaluate(request: PhotoRequest, run: Path, output: Path) -> Summary:
     return load_evaluation_family(request.task).evaluate(
-        EvaluationRequest(run=run, truth=request.truth, output=output, draws=_DRAWS, overwrite=True)
+        EvaluationRequest(
+            run=read_run(run), truth=request.truth, output=output, draws=_DRAWS, overwrite=True
+        )
     )

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import check_arguments
-from legoworld.api.by_task import ByTask, options_by_task, refuse_result_at, task_folder
+from legoworld.api.by_task import ByTask, refuse_result_at, task_folder
 from legoworld.api.folders import parse_place, written_at
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import (
@@ -35,6 +35,7 @@ from legoworld.running.readout_run import RunRequest, shard_images
 from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source, file_source, is_scene_file
+from legoworld.tasks.registry import options_by_task
 from legoworld.tracks.track import Track, TrackImage, folders_without_scene, make_folder_track
 from legoworld.workers.engines import EngineName, engine_cores
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
+from legoworld.evaluation.run import Run
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.evaluation_rows import EvaluationRow
@@ -55,7 +56,7 @@ class EvaluationRequest:
     reader of the numbers must know. pool: works on the images; any pool gives the same bytes.
     """
 
-    run: Path
+    run: Run
     truth: Path
     output: Path
     draws: int
@@ -71,19 +72,19 @@ class EvaluationRequest:
 
 def prepare_inputs(
     request: EvaluationRequest,
-    run: Path,
     files: Sequence[tuple[str, Path]],
     configuration: ScoreConfiguration,
 ) -> list[InputFile]:
     """Hash the files that a score depends on and prepare the evaluation folder for them.
 
-    run: the folder that is read; files: role and path of each, as it lies here. A file of a run at
-    a URL is named by its own URL, which remains valid after the copy is deleted. Where the
-    evaluation goes to a URL, a file of this machine has no path relative to it, and is named by its
-    whole path. Raises as `prepare_folder` does.
+    files: role and path of each, as it lies here. A file of a run at a URL is named by its own URL,
+    which remains valid after the copy is deleted. Where the evaluation goes to a URL, a file of
+    this machine has no path relative to it, and is named by its whole path. Raises as
+    `prepare_folder` does.
     """
+    folder, origins = request.run.folder, request.origins
     inputs = [
-        replace(input_file(role, path), recorded=_recorded_path(path, run, request.origins))
+        replace(input_file(role, path), recorded=_recorded_path(path, folder, origins))
         for role, path in files
     ]
     prepare_folder(

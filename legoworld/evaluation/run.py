@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -54,6 +54,25 @@ class Run:
     def partial(self) -> bool:
         """Whether the run attempted only some of its track's images."""
         return bool(self.configuration.partial)
+
+    @property
+    def inputs(self) -> list[tuple[str, Path]]:
+        """Role and path of every file that a score is computed from, but files of rows."""
+        return [
+            ("run", self.folder / RUN),
+            ("per_image", self.folder / ROWS),
+            *(("predictions", path) for path in self.prediction_files),
+        ]
+
+    @property
+    def prediction_files(self) -> list[Path]:
+        """The files of a run of results, in the order of its images."""
+        per_file = self.configuration.images_per_file or None
+        return prediction_files(self.folder, per_file, len(self.images))
+
+    def absolute(self) -> Run:
+        """The run by its folder's whole path."""
+        return replace(self, folder=self.folder.absolute())
 
 
 def read_run(folder: Path) -> Run:
@@ -137,22 +156,8 @@ def read_predictions(run: Run, kind: type[P]) -> Iterator[list[P]]:
     PredictionsUnreadableError names a file that is absent or damaged, RunUnusableError one that is
     not as the run wrote it.
     """
-    files = _prediction_files(run)
-    _refuse_altered(run.folder, run.head, files)
-    yield from stored_batches(files, kind)
-
-
-def run_inputs(run: Run) -> list[tuple[str, Path]]:
-    """Role and path of every file of a run that a score is computed from, but files of rows."""
-    return [
-        ("run", run.folder / RUN),
-        ("per_image", run.folder / ROWS),
-        *(("predictions", path) for path in _prediction_files(run)),
-    ]
-
-
-def _prediction_files(run: Run) -> list[Path]:
-    return prediction_files(run.folder, run.configuration.images_per_file or None, len(run.images))
+    _refuse_altered(run.folder, run.head, run.prediction_files)
+    yield from stored_batches(run.prediction_files, kind)
 
 
 def run_view(run: Run) -> dict[str, Any]:

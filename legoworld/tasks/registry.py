@@ -6,9 +6,10 @@ its value a `Task`. It is imported when that task is asked for, or all tasks are
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Final
+from typing import Any, Final
 
 from legoworld.errors import InstallationError, UsageError, cause
 from legoworld.pluralize import did_you_mean
@@ -17,6 +18,8 @@ from legoworld.tasks.task import Family, Task
 
 GROUP: Final = "legoworld.tasks"
 _SHIPPED: Final = {task.name: task for task in TASKS}
+#: Parameters whose option has another name.
+_OPTIONS: Final = {"diagnostics": "--no-diagnostics", "render": "--no-render"}
 
 
 def find_task(name: str) -> Task | None:
@@ -71,6 +74,28 @@ def broken_tasks() -> list[InstallationError]:
 def family_tasks(family: Family) -> tuple[Task, ...]:
     """The tasks of one family."""
     return tuple(task for task in known_tasks() if task.family == family)
+
+
+def options_by_task(tasks: Sequence[str], **given: Any) -> dict[str, dict[str, Any]]:
+    """The given parameters of each task's family, without those that are None.
+
+    UsageError for one that none of these families takes.
+    """
+    named = {name: value for name, value in given.items() if value is not None}
+    taken = {
+        task: {name: named[name] for name in named if name in find_family(task).options}
+        for task in tasks
+    }
+    for name in named:
+        if not any(name in own for own in taken.values()):
+            takers = [other for other in known_tasks() if name in other.family.options]
+            what = " and ".join(dict.fromkeys(other.family.noun for other in takers))
+            raise UsageError(
+                f"{_OPTIONS.get(name, '--' + name.replace('_', '-'))} is for {what} alone",
+                found=f"a run of {' and '.join(tasks)}",
+                expected=f"the task {' or '.join(other.name for other in takers)}",
+            )
+    return taken
 
 
 def _load_added() -> tuple[list[Task], list[InstallationError]]:

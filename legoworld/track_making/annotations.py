@@ -71,7 +71,7 @@ def annotation_source(task: str, path: Path) -> Source:
             annotations,
             images=images,
             wanted=images,
-            category_ids=(c.id for c in categories),
+            category_ids=frozenset(c.id for c in categories),
             check_shapes=payload.check_shapes,
             repairs=Counter(),
         )

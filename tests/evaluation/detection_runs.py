@@ -30,7 +30,7 @@ def evaluate_detections(run: Path, truth: Path, output: Path, **request: Any) ->
     options = {"evaluator": request.pop("evaluator", None)}
     given = {"draws": 2000, **request}
     return detection_evaluate.evaluate_detections(
-        EvaluationRequest(run=run, truth=truth, output=output, options=options, **given)
+        EvaluationRequest(run=read_run(run), truth=truth, output=output, options=options, **given)
     )
 
 

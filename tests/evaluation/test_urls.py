@@ -68,17 +68,17 @@ def test_inputs_are_named_by_where_they_really_are(tmp_path):
 
 def test_a_password_in_a_url_is_not_written_down(tmp_path):
     from legoworld.evaluation.family import EvaluationRequest, Origins, prepare_inputs
+    from legoworld.evaluation.run import read_run
     from legoworld.records.detection import DetectionConfiguration
 
-    (tmp_path / "run.json").write_text("{}")
+    run = read_run(made(tmp_path, "coco")[0])
     request = EvaluationRequest(
-        run=tmp_path, truth=tmp_path, output=tmp_path / "eval", draws=1,
+        run=run, truth=tmp_path, output=tmp_path / "eval", draws=1,
         origins=Origins(run_url="ftp://me:secret@host/run/"),
     )  # fmt: skip
     (recorded,) = prepare_inputs(
         request,
-        tmp_path,
-        [("run", tmp_path / "run.json")],
+        [("run", run.folder / "run.json")],
         DetectionConfiguration(
             task="coco", evaluator="official", draws=1, seed=0, card_sha256="0" * 64
         ),

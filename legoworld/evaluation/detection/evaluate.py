@@ -36,7 +36,7 @@ from legoworld.evaluation.detection.scoring import (
     score,
 )
 from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
-from legoworld.evaluation.run import Run, read_predictions, read_run, run_inputs, run_view
+from legoworld.evaluation.run import Run, read_predictions, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
     CardOrigin,
@@ -67,7 +67,7 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
     The option evaluator: None for the official one where it is installed, else the fast one. Any
     pool gives the same bytes. Every LegoWorldError is raised before anything is written.
     """
-    run, notice, draws = read_run(request.run), request.notice, request.draws
+    run, notice, draws = request.run, request.notice, request.draws
     protocol = detection_protocol(run.task)
     kind = request.options.get("evaluator") or default_evaluator(protocol, request.warn)
     truth = read_truth(request.truth, protocol, run)
@@ -78,9 +78,7 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
         seed=request.seed,
         card_sha256=protocol.card.sha256,
     )
-    inputs = prepare_inputs(
-        request, run.folder, [("truth", request.truth), *run_inputs(run)], configuration
-    )
+    inputs = prepare_inputs(request, [("truth", request.truth), *run.inputs], configuration)
     notice("checking the predictions")
     batches = read_predictions(run, prediction_type(protocol))
     predictions = check_predictions(batches, run=run, truth=truth, protocol=protocol)

@@ -82,8 +82,8 @@ def _pycocotools(truth: Truth, predictions: Predictions, iou_type: IouType) -> O
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         true = _coco(truth.document())
-        if len(predictions.entries):
-            results = true.loadRes(predictions.entries.results())
+        if entries := predictions.entries.results():
+            results = true.loadRes(entries)
         else:  # loadRes cannot read an empty list
             results = _coco({**truth.document(), "annotations": []})
         evaluation = COCOeval(true, results, iou_type)

@@ -124,8 +124,8 @@ def _detections(
     image = _positions(image_ids, entries.image_id)
     category = _positions(category_ids, entries.category_id)
     score = entries.score.astype(np.float64)
-    place = np.arange(len(entries))
-    kept = np.ones(len(entries), bool)
+    place = np.arange(len(score))
+    kept = np.ones(len(score), bool)
     if protocol.per_image_cap is not None:
         by_image = np.lexsort((place, -score, image))
         kept[by_image] = rank_in_group(image[by_image]) < protocol.per_image_cap
@@ -145,7 +145,7 @@ def _detections(
         entry=order,
         verified=verified,
         exhaustive=exhaustive,
-    ), len(entries) - len(order)
+    ), len(score) - len(order)
 
 
 def _apply_federation(

@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
-from legoworld.evaluation.detection.matching.matched_metrics import image_sums
-from legoworld.evaluation.detection.problem import Ints
-from legoworld.evaluation.detection.scoring import Score, category_precision
+from legoworld.evaluation.detection.matching.matched_metrics import COLUMNS, MatchedCounts
+from legoworld.evaluation.detection.problem import Floats, Ints
+from legoworld.evaluation.detection.ranking.accumulation import Curves
+from legoworld.evaluation.detection.scoring import Score
 from legoworld.evaluation.run import Run
 from legoworld.records.base import UNSET, number
-from legoworld.records.evaluation_rows import AmodalSums, CategoryRow, DetectionRow, Outcomes
+from legoworld.records.evaluation_rows import (
+    AmodalSums,
+    CategoryRow,
+    DetectionRow,
+    Outcomes,
+    PairSums,
+)
 
 _OUTCOMES = {FALSE_POSITIVE: "fp", TRUE_POSITIVE: "tp", IGNORED: "ignored"}
 
@@ -33,8 +40,8 @@ def per_image_rows(
     n_unverified = np.bincount(problem.detections.image[~problem.detections.verified], minlength=n)
     n_ignored = np.bincount(problem.truths.image[problem.truths.ignored], minlength=n)
     outcomes = _outcomes(table.state[0, half], table.image, n)
-    aware = image_sums(score.aware, class_aware=True)
-    agnostic = image_sums(score.agnostic, class_aware=False)
+    aware = _image_sums(score.aware, class_aware=True)
+    agnostic = _image_sums(score.agnostic, class_aware=False)
     return [
         DetectionRow(
             image_id=image.image_id,
@@ -55,6 +62,19 @@ def per_image_rows(
     ]
 
 
+def _image_sums(counts: MatchedCounts, *, class_aware: bool) -> list[PairSums]:
+    """The sums of each image, as per_image.jsonl holds them."""
+    columns = COLUMNS[:-1] if class_aware else COLUMNS  # the last is right by construction
+    of_images = []
+    for row in counts.per_image:
+        sums: dict[str, Any] = {
+            name: float(value) if name.endswith("_sum") else int(value)
+            for name, value in zip(columns, row, strict=False)
+        }
+        of_images.append(PairSums(**sums))
+    return of_images
+
+
 def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     """One row for every category that has truth or predictions, ascending id."""
     table, half = score.table, score.curves.grid.half
@@ -65,7 +85,7 @@ def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     n_predictions = np.bincount(table.category, minlength=n)
     outcomes = _outcomes(table.state[0, half], table.category, n)
     iou_sum = np.bincount(score.aware.cell_category, score.aware.cell_iou_sum, minlength=n)
-    precision = category_precision(score.curves)
+    precision = _category_precision(score.curves)
     recall = np.where(n_truths > 0, score.curves.recall[:, :, 0, -1].mean(axis=0), np.nan)
     by_id = {c["id"]: c for c in truth.categories}
     rows = []
@@ -91,6 +111,17 @@ def per_category_rows(truth: Truth, score: Score) -> list[CategoryRow]:
     return rows
 
 
+def _category_precision(curves: Curves) -> Floats:
+    """(K, 3) AP, AP50, AP75 over all areas; NaN without truth of a category, or the IoU."""
+    p, undefined = curves.precision[..., 0], np.full(curves.precision.shape[2], np.nan)
+    values = [p.mean(axis=(0, 1))]
+    for iou in (0.5, 0.75):
+        at = p[curves.grid.thresholds(iou)]
+        values.append(at[0].mean(axis=0) if len(at) else undefined)
+    stacked = np.stack(values, axis=1)
+    return np.where(stacked < 0, np.nan, stacked)
+
+
 def _outcomes(state: NDArray[np.uint8], group: Ints, n_groups: int) -> list[Outcomes]:
     """The outcome of the predictions of each group; state, group: of every prediction."""
     counts = {
@@ -106,10 +137,8 @@ def _outcomes(state: NDArray[np.uint8], group: Ints, n_groups: int) -> list[Outc
 def views(truth: Truth, predictions: Predictions, score: Score) -> dict[str, Any]:
     """truth.json and predictions.json of the track: what a report draws over the photos."""
     problem = score.problem
-    kept = np.zeros(len(predictions.entries), bool)
-    kept[problem.detections.entry] = True
-    outcome = np.full(len(predictions.entries), "over_cap", object)
-    outcome[kept] = "unverified"
+    outcome = np.full(len(predictions.entries.score), "over_cap", object)
+    outcome[problem.detections.entry] = "unverified"
     state = score.table.state[0, score.curves.grid.half]
     for kind, name in _OUTCOMES.items():
         outcome[score.table.entry[state == kind]] = name

@@ -27,7 +27,7 @@ from legoworld.evaluation.detection.matching.matched_metrics import (
     matched_metrics,
 )
 from legoworld.evaluation.detection.matching.matches import match_and_pair, match_states
-from legoworld.evaluation.detection.problem import Floats, Problem, build_problem
+from legoworld.evaluation.detection.problem import Problem, build_problem
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.detection.ranking.accumulation import Curves, accumulate, metric_value
 from legoworld.evaluation.detection.ranking.resampling import (
@@ -211,14 +211,3 @@ def named_metrics(protocol: DetectionProtocol, official: tuple[float, ...]) -> V
         m.name: None if value == -1 or not np.isfinite(value) else float(value)
         for m, value in zip(protocol.metrics, official, strict=True)
     }
-
-
-def category_precision(curves: Curves) -> Floats:
-    """(K, 3) AP, AP50, AP75 over all areas; NaN without truth of a category, or the IoU."""
-    p, undefined = curves.precision[..., 0], np.full(curves.precision.shape[2], np.nan)
-    values = [p.mean(axis=(0, 1))]
-    for iou in (0.5, 0.75):
-        at = p[curves.grid.thresholds(iou)]
-        values.append(at[0].mean(axis=0) if len(at) else undefined)
-    stacked = np.stack(values, axis=1)
-    return np.where(stacked < 0, np.nan, stacked)

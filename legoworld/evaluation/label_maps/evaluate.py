@@ -68,7 +68,7 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
     true PNG that is found damaged when its image is measured; an unusable answer is its row, and
     counts as an answer that is all VOID.
     """
-    run = read_family_run(request.run.absolute(), family.family, f"a run of {family.noun}")
+    run = request.run.absolute()
     card = load_card(run.task)
     check_draws(request.draws, request.seed)
     items, truth = _items(family, run, request.truth.absolute())
@@ -77,7 +77,7 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
     )
     answers = [("answer", item.path) for item in items if item.path and item.path.is_file()]
     files = [("run", run.folder / RUN), ("run_rows", run.folder / ROWS), *answers, *truth.inputs]
-    inputs = prepare_inputs(request, run.folder, files, configuration)
+    inputs = prepare_inputs(request, files, configuration)
     rows: list[LabelMapRow] = []
     views: dict[str, Any] = {"run.json": run_view(run)}
     pool = request.pool.for_work(worth_a_process=len(items) > _FEW)

@@ -22,7 +22,13 @@ from legoworld.evaluation.pixels.family import (
     Settings,
     TruthFile,
 )
-from legoworld.evaluation.pixels.rows import PixelImage, PixelRun, read_pixel_run, score_row
+from legoworld.evaluation.pixels.rows import (
+    PixelImage,
+    PixelRun,
+    pixel_run,
+    read_pixel_run,
+    score_row,
+)
 from legoworld.evaluation.pixels.summary import summarise
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
@@ -95,7 +101,7 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     options = {**family.options, **request.options}
     settings = Settings(options=options, draws=request.draws, seed=request.seed)
     truth = request.truth.absolute()
-    run = read_pixel_run(request.run.absolute(), family)
+    run = pixel_run(request.run.absolute(), family)
     protocol = family.protocol(load_card(run.run.task))
     files = family.find_truth(truth, [image.image for image in run.images])
     check_draws(settings.draws, settings.seed)
@@ -108,9 +114,7 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
         seed=settings.seed,
         **options,
     )
-    inputs = prepare_inputs(
-        request, run.run.folder, _inputs(run, truth / family.declaration, files), configuration
-    )
+    inputs = prepare_inputs(request, _inputs(run, truth / family.declaration, files), configuration)
     rows: list[PixelRow] = []
     views: dict[str, Any] = {"run.json": run_view(run.run)}
     tasks = image_tasks(run, files, family, options)

@@ -61,11 +61,15 @@ class PixelRun:
 
 def read_pixel_run(folder: Path, family: PixelFamily) -> PixelRun:
     """A family's run and its images by ascending id. Raises RunUnusableError or UsageError."""
-    run = read_family_run(folder, family.family, f"a {family.noun} run")
+    return pixel_run(read_family_run(folder, family.family, f"a {family.noun} run"), family)
+
+
+def pixel_run(run: Run, family: PixelFamily) -> PixelRun:
+    """A run with its images by ascending id. RunUnusableError."""
     return PixelRun(
         run=run,
         kind=str(run.configuration.kind or None),
-        images=tuple(_image(folder, row, family.stored) for row in read_rows(run)),
+        images=tuple(_image(run.folder, row, family.stored) for row in read_rows(run)),
     )
 
 

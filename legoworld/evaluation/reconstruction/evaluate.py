@@ -18,7 +18,7 @@ from legoworld.evaluation.reconstruction.dataset import (
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices, bench_protocol
 from legoworld.evaluation.reconstruction.reference import check_sampling
 from legoworld.evaluation.reconstruction.second_card import SecondCard, X, read_second_card
-from legoworld.evaluation.reconstruction.submission import BenchRun, list_files, read_bench_run
+from legoworld.evaluation.reconstruction.submission import BenchRun, bench_run, list_files
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
 from legoworld.evaluation.run import run_view
 from legoworld.records.folders.evaluation_folder import (
@@ -49,13 +49,12 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
     draws, seed = request.draws, request.seed
     check_sampling(choices.sampling)
     check_draws(draws, seed)
-    run, truth = request.run.absolute(), request.truth.absolute()
-    dataset, bench_run = read_dataset(truth), read_bench_run(run)
-    protocol = bench_protocol(load_card(bench_run.run.task))
+    dataset, run = read_dataset(request.truth.absolute()), bench_run(request.run.absolute())
+    protocol = bench_protocol(load_card(run.run.task))
     second = second_card(dataset, protocol)
-    ids = [row.image_id for row in bench_run.rows]
-    track_sha256 = bench_run.run.configuration.track_sha256 or None
-    check_run(dataset, run.name, track_sha256, ids, second.sha256 if second else None)
+    ids = [row.image_id for row in run.rows]
+    track_sha256 = run.run.configuration.track_sha256 or None
+    check_run(dataset, run.run.folder.name, track_sha256, ids, second.sha256 if second else None)
     configuration = BenchConfiguration(
         task=protocol.card.task,
         card_version=protocol.card.version,
@@ -65,17 +64,17 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
         draws=draws,
         seed=seed,
     )
-    files = [*_inputs(bench_run, dataset, choices), *_second_inputs(bench_run, dataset, second)]
-    inputs = prepare_inputs(request, run, files, configuration)
+    files = [*_inputs(run, dataset, choices), *_second_inputs(run, dataset, second)]
+    inputs = prepare_inputs(request, files, configuration)
     rows: list[ReconstructionRow] = []
-    tasks = case_tasks(bench_run, dataset, protocol, choices, second)
+    tasks = case_tasks(run, dataset, protocol, choices, second)
     for row in scored_cases(seen_tasks(tasks), request.pool):
         rows.append(row)
         request.progress(row)
     summary = summarise(
         rows,
-        kind=bench_run.kind,
-        partial=bench_run.run.partial,
+        kind=run.kind,
+        partial=run.run.partial,
         protocol=protocol,
         settings=Settings(
             choices=choices,
@@ -91,7 +90,7 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
         evidence=evidence,
         inputs=inputs,
         per_image=rows,
-        view={"run.json": run_view(bench_run.run)},
+        view={"run.json": run_view(run.run)},
     )
     write_evaluation(request.output, evaluation, overwrite=request.overwrite)
     return summary

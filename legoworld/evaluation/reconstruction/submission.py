@@ -57,12 +57,16 @@ class Surface:
 
 def read_bench_run(folder: Path) -> BenchRun:
     """A bench run and its rows. RunUnusableError or UsageError otherwise."""
-    run = read_family_run(folder, RECONSTRUCTION, "a bench run")
+    return bench_run(read_family_run(folder, RECONSTRUCTION, "a bench run"))
+
+
+def bench_run(run: Run) -> BenchRun:
+    """A run with its rows. RunUnusableError."""
     try:
-        rows = decode_lines(BenchRow, (folder / ROWS).read_bytes())
+        rows = decode_lines(BenchRow, (run.folder / ROWS).read_bytes())
     except (OSError, RecordError) as error:
         raise RunUnusableError(
-            f"the run in {folder.name} cannot be read",
+            f"the run in {run.folder.name} cannot be read",
             found=cause(error),
             expected=f"{ROWS} as `legoworld readout --task bench` writes it",
         ) from error

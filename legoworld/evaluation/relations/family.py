@@ -148,7 +148,7 @@ def _summary(
 
 
 def _evaluate(request: EvaluationRequest) -> RelationsSummary:
-    run = _read_run(request.run)
+    run = request.run
     truth = read_truth(request.truth, run.task)
     check_draws(request.draws, request.seed)
     configuration = ScoreConfiguration(
@@ -163,7 +163,7 @@ def _evaluate(request: EvaluationRequest) -> RelationsSummary:
         for row in read_rows(run)
         if row.answer is not UNSET
     ]
-    inputs = prepare_inputs(request, run.folder, files, configuration)
+    inputs = prepare_inputs(request, files, configuration)
     rows: list[RelationsRow] = []
     views: dict[str, Any] = {"run.json": run_view(run)}
     for image in scored_images(run, truth):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.depth.family import EVALUATION
 from legoworld.evaluation.family import EvaluationRequest
+from legoworld.evaluation.run import read_run
 from legoworld.readouts.depth import write_depth
 from legoworld.records.depth import DepthSummary
 
@@ -35,7 +36,7 @@ def evaluate_depth(
     """Score a depth run into an evaluation folder. others: of the request."""
     return EVALUATION.evaluate(
         EvaluationRequest(
-            run=run,
+            run=read_run(run),
             truth=truth,
             output=output,
             draws=draws,

@@ -32,10 +32,11 @@ from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import score_image
 from legoworld.evaluation.evidence import verify
 from legoworld.evaluation.pixels.resampling import decode_array
-from legoworld.evaluation.run import RunUnusableError
+from legoworld.evaluation.run import RunUnusableError, read_family_run
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import as_json, decode
 from legoworld.records.evaluation_view import DepthView
+from legoworld.tasks.shipped import DEPTH
 
 SIZE = (32, 20)
 
@@ -358,7 +359,7 @@ def test_runs_that_cannot_be_scored(tmp_path: Path) -> None:
     document["configuration"] |= {"task": "coco", "attempted": 1}
     (run / "run.json").write_text(json.dumps(document))
     with pytest.raises(UsageError, match="not a depth run"):
-        evaluate_depth(run, truth, tmp_path / "e")
+        read_family_run(run, DEPTH, "a depth run")
     with pytest.raises(RunUnusableError):
         evaluate_depth(tmp_path / "nowhere", truth, tmp_path / "e")
 

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.family import EvaluationRequest
 from legoworld.evaluation.normals.family import EVALUATION
+from legoworld.evaluation.run import read_run
 from legoworld.readouts.normals import NORMALS_FILE
 
 Arrays = dict[str, NDArray[Any]]
 
 
 def evaluate(run: Path, truth: Path, output: Path, **others: Any) -> Any:
-    request = EvaluationRequest(run=run, truth=truth, output=output, draws=200, **others)
+    request = EvaluationRequest(run=read_run(run), truth=truth, output=output, draws=200, **others)
     return EVALUATION.evaluate(request)
 
 

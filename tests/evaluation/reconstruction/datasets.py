@@ -18,6 +18,7 @@ from PIL import Image
 from legoworld.evaluation.family import EvaluationRequest
 from legoworld.evaluation.reconstruction import evaluate
 from legoworld.evaluation.reconstruction.points import Raster, picture_raster
+from legoworld.evaluation.run import read_run
 from legoworld.records.base import UNSET, as_json, readable
 from legoworld.records.bench_dataset import (
     BenchCamera,
@@ -288,7 +289,7 @@ def write_second_card(dataset: Dataset) -> Path:
 def evaluate_bench(run: Path, truth: Path, output: Path, **given: Any) -> Any:
     """The product's own, by its request; few draws unless they are given."""
     settings = {"draws": 10, **given}
-    request = EvaluationRequest(run=run, truth=truth, output=output, **settings)
+    request = EvaluationRequest(run=read_run(run), truth=truth, output=output, **settings)
     return evaluate.evaluate_bench(request)
 
 

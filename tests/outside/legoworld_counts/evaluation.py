@@ -11,7 +11,7 @@ from legoworld.evaluation.bootstrap import interval, resample_counts, resampled_
 from legoworld.evaluation.checks import check_equal
 from legoworld.evaluation.family import EvaluationFamily, prepare_inputs
 from legoworld.evaluation.metrics import bounds, describe_evaluator, fraction, image_counts
-from legoworld.evaluation.run import read_family_run, read_rows, run_view
+from legoworld.evaluation.run import read_rows, run_view
 from legoworld.records.evaluation_summary import Coverage, Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (
@@ -20,7 +20,6 @@ from legoworld.records.folders.evaluation_folder import (
     write_evaluation,
 )
 from legoworld.records.folders.read_run import ROWS, RUN
-from legoworld_counts import FAMILY
 from legoworld_counts.records import CountsEvidence, CountsRow, CountsSummary, Mae
 
 
@@ -82,7 +81,7 @@ def _coverage(rows):
 
 
 def _evaluate(request):
-    run, truth = read_family_run(request.run, FAMILY, "a run of counts"), _truth(request.truth)
+    run, truth = request.run, _truth(request.truth)
     card = load_card(run.task)
     configuration = ScoreConfiguration(
         task=run.task, card_sha256=card.sha256, draws=request.draws, seed=request.seed
@@ -90,7 +89,7 @@ def _evaluate(request):
     stored = read_rows(run)
     files = [("truth", request.truth), ("run", run.folder / RUN), ("per_image", run.folder / ROWS)]
     files += [("counts", run.folder / row.answer.file) for row in stored if row.answer]
-    inputs = prepare_inputs(request, run.folder, files, configuration)
+    inputs = prepare_inputs(request, files, configuration)
     rows = [_row(run, row, truth.get(row.image_id, Counter())) for row in stored]
     for row in rows:
         request.progress(row)

@@ -68,32 +68,33 @@ def check_ids(
 ) -> None:
     """PredictionsInvalidError for (n,) ids unknown to the run or the vocabulary."""
     images = np.unique(image_id).tolist()
-    unknown = [i for i in images if i not in status]
-    _refuse(
-        int(np.isin(image_id, unknown).sum()),
-        len(image_id),
-        "are of images the run does not have",
-        f"image {unknown[0]}" if unknown else "",
-        f"one of the run's {plural(len(status), 'image', 'images')}, such as {min(status)}",
-    )
-    unread = [i for i in images if status[i] != "ok"]
-    _refuse(
-        int(np.isin(image_id, unread).sum()),
-        len(image_id),
-        "are of images the run calls unread",
-        f"image {unread[0]}: {status[unread[0]]}" if unread else "",
-        "predictions of images with status ok alone",
-    )
+    if unknown := [i for i in images if i not in status]:
+        _refuse(
+            int(np.isin(image_id, unknown).sum()),
+            len(image_id),
+            "are of images the run does not have",
+            f"image {unknown[0]}",
+            f"one of the run's {plural(len(status), 'image', 'images')}, such as {min(status)}",
+        )
+    if unread := [i for i in images if status[i] != "ok"]:
+        _refuse(
+            int(np.isin(image_id, unread).sum()),
+            len(image_id),
+            "are of images the run calls unread",
+            f"image {unread[0]}: {status[unread[0]]}",
+            "predictions of images with status ok alone",
+        )
     known = {c.id for c in vocabulary.categories}
     ids = set(np.unique(category_id).tolist())
-    _refuse(
-        int(np.isin(category_id, sorted(ids - known)).sum()),
-        len(image_id),
-        "are of categories the vocabulary does not have",
-        f"category ids {sorted(ids - known)[:8]}",
-        f"one of {len(known)} ids between {min(known)} and {max(known)}",
-        _mapping_hint(ids, known),
-    )
+    if unknown := sorted(ids - known):
+        _refuse(
+            int(np.isin(category_id, unknown).sum()),
+            len(image_id),
+            "are of categories the vocabulary does not have",
+            f"category ids {unknown[:8]}",
+            f"one of {len(known)} ids between {min(known)} and {max(known)}",
+            _mapping_hint(ids, known),
+        )
 
 
 def check_scores(score: NDArray[Any]) -> None:

@@ -118,11 +118,12 @@ def read_truth(path: Path, protocol: DetectionProtocol, run: Run | None = None) 
         document["annotations"],
         images=all_images,
         wanted=[int(cast("int", image["id"])) for image in images],
-        category_ids=(c.id for c in vocabulary.categories),
+        category_ids=frozenset([c.id for c in vocabulary.categories]),
         check_shapes=protocol.payload.check_shapes,
         repairs=repairs,
     )
-    protocol.payload.check_format(str(path), annotations, all_images, repairs)
+    if protocol.payload.check_format is not None:
+        protocol.payload.check_format(str(path), annotations, all_images, repairs)
     if protocol.federated:
         _check_frequencies(path, document["categories"])
     return Truth(

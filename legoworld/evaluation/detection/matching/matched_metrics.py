@@ -16,7 +16,6 @@ from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints, Problem
 from legoworld.evaluation.kernels.library import category_threads
 from legoworld.records.base import number
-from legoworld.records.evaluation_rows import PairSums
 from legoworld.records.evaluation_summary import Matched
 
 #: A pair at least this good is a true positive of precision and recall.
@@ -39,7 +38,7 @@ class Pairs:
 
 
 #: Columns of MatchedCounts.per_image. quality: pairs above HIT, panoptic quality's own rule.
-_COLUMNS: Final = (
+COLUMNS: Final = (
     "n_gt",
     "n_dt",
     "iou_sum",
@@ -55,7 +54,7 @@ _COLUMNS: Final = (
 class MatchedCounts:
     """Sums that every score-free number is made of.
 
-    per_image: (images, columns) as named by `_COLUMNS`. For the macro mean, per truth cell
+    per_image: (images, columns) as named by `COLUMNS`. For the macro mean, per truth cell
     (image and category that have truth): cell_image, cell_category, cell_n_gt, cell_iou_sum.
     """
 
@@ -94,7 +93,7 @@ def matched_counts(problem: Problem, pairs: Pairs) -> MatchedCounts:
     position = np.full(len(truths.image), -1)
     position[scored] = cell
     return MatchedCounts(
-        per_image=np.stack([columns[c] for c in _COLUMNS], axis=1),
+        per_image=np.stack([columns[c] for c in COLUMNS], axis=1),
         cell_image=cells // n_categories,
         cell_category=cells % n_categories,
         cell_n_gt=np.bincount(cell, minlength=len(cells)).astype(np.float64),
@@ -109,7 +108,7 @@ def matched_metrics(counts: MatchedCounts, samples: NDArray[np.int32]) -> dict[s
     """
     sums = {
         name: weighted_sums(samples, column)
-        for name, column in zip(_COLUMNS, counts.per_image.T, strict=True)
+        for name, column in zip(COLUMNS, counts.per_image.T, strict=True)
     }
     n_gt, n_dt, hits = sums["n_gt"], sums["n_dt"], sums["n_hits"]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -143,19 +142,6 @@ def matched_document(counts: MatchedCounts, *, class_aware: bool) -> Matched:
         for name, value in metrics.items()
     }
     return Matched(**point)
-
-
-def image_sums(counts: MatchedCounts, *, class_aware: bool) -> list[PairSums]:
-    """The sums of each image, as per_image.jsonl holds them."""
-    columns = _COLUMNS[:-1] if class_aware else _COLUMNS  # the last is right by construction
-    of_images = []
-    for row in counts.per_image:
-        sums: dict[str, Any] = {
-            name: float(value) if name.endswith("_sum") else int(value)
-            for name, value in zip(columns, row, strict=False)
-        }
-        of_images.append(PairSums(**sums))
-    return of_images
 
 
 def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:

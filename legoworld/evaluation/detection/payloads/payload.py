@@ -69,10 +69,6 @@ class Outline:
     polygons: Sequence[Sequence[float]] | None = None
 
 
-def _no_fault(*_annotations: object) -> None:
-    """Nothing is checked besides what all annotations are: boxes' shapes, the format of masks."""
-
-
 def _as_is(document: Foreign, _name: str) -> Foreign:
     return document
 
@@ -110,10 +106,10 @@ class Payload:
     compare_shapes: Callable[[Any, Any, Sequence[int]], NDArray[np.float64]]
     enclose_shapes: Callable[[Sequence[Any]], Any]
     outline: Callable[[Row, TrueImage], Outline]
-    check_shapes: CheckShapes = _no_fault
-    check_format: Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None] = (
-        _no_fault
-    )
+    check_shapes: CheckShapes | None = None
+    check_format: (
+        Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None] | None
+    ) = None
     document: Callable[[Foreign, str], Foreign] = _as_is
     own_ignore: bool = False
     most_pairs: int | None = None
