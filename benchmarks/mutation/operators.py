@@ -2,6 +2,11 @@
 
 Not changed: annotations, decorators, docstrings, text inside f-strings and `raise`, strings with a
 space (prose), `zip(strict=...)` and `encoding=...` (guards that a correct program never reaches).
+Nor is what no caller can see:
+- the 1 of a -1 in `reshape`: NumPy takes any negative size as the one to work out. Its sign is;
+- the prefix of a scratch folder's random name in the system's temporary folder: nothing reads it.
+  In a user's folder its dot hides it from listings, and it is changed;
+- the seconds of a `sleep`: when, not what. The call itself is left out as any other is.
 """
 
 from __future__ import annotations
@@ -119,7 +124,7 @@ def _left_alone(node: ast.AST, child: ast.AST) -> bool:
     """Whether a child of a node is not looked into."""
     if isinstance(child, ast.JoinedStr | ast.Assert | ast.Import | ast.ImportFrom):
         return True
-    if isinstance(node, ast.Raise):
+    if isinstance(node, ast.Raise) or _is_unseen(node, child):
         return True
     if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
         return True  # a docstring
@@ -132,6 +137,20 @@ def _left_alone(node: ast.AST, child: ast.AST) -> bool:
     if isinstance(node, ast.Call) and ast.unparse(node.func) in {"cast", "TypeVar"}:
         return node.args[:1] == [child]
     return isinstance(child, ast.keyword) and child.arg in {"strict", "encoding"}
+
+
+def _is_unseen(node: ast.AST, child: ast.AST) -> bool:
+    """Whether no caller can see a change of this child: the rules of the module's docstring."""
+    if isinstance(node, ast.UnaryOp):
+        return getattr(node, "is_size", False)
+    if not isinstance(node, ast.Call):
+        return False
+    name = node.func.attr if isinstance(node.func, ast.Attribute) else ast.unparse(node.func)
+    if name == "reshape" and isinstance(child, ast.UnaryOp) and ast.unparse(child) == "-1":
+        child.is_size = True  # type: ignore[attr-defined]
+    if name == "scratch_folder":
+        return node.args == [child] and isinstance(child, ast.Constant)
+    return name == "sleep" and isinstance(child, ast.Constant)
 
 
 def _of(node: ast.AST) -> Iterator[tuple[str, str]]:

@@ -13,7 +13,14 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from legoworld.baselines import box_formats, category_ids, depth, environments, photo_provider
+from legoworld.baselines import (
+    box_formats,
+    category_ids,
+    confinement,
+    depth,
+    environments,
+    photo_provider,
+)
 from legoworld.baselines.answers import Unreadable
 from legoworld.baselines.child import TooSlowError
 from legoworld.baselines.detection import BASELINE as DETECTIONS
@@ -433,3 +440,13 @@ def test_an_image_without_a_prediction_is_counted_as_empty():
     )  # fmt: skip
     found = DETECTIONS.sum_up(summary, rows)
     assert (found.coverage.ok_empty, found.predictions, found.empty_masks_dropped) == (2, 4, 3)
+
+
+def test_the_caches_of_a_process_with_the_network_are_made_where_they_are_missing(tmp_path):
+    hub, torch = tmp_path / "far" / "hub", tmp_path / "torch"
+    torch.mkdir()
+    named = {"HF_HUB_CACHE": str(hub), "TORCH_HOME": str(torch), "CUDA_HOME": str(tmp_path / "x")}
+    assert confinement.writable(named) == (hub, torch)
+    assert hub.is_dir()
+    assert confinement.writable({}) == ()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["far", "torch"]

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scene.by_hand import RENDER
+from scipy.spatial.transform import Rotation
 
 from legoworld.records.scene_folder import ProgramReport
 from legoworld.scene import freeze, pictures, urdf
@@ -58,6 +59,16 @@ def test_joints_stand_one_after_another():
     assert np.array(knob.root_from_joint)[:, 3] == pytest.approx([1, 2, 0])
     fixed = robot(LINKS, joint("weld", "base", "door", kind="fixed"), joint("k", "door", "knob"))
     assert [one.name for one in fixed.joints] == ["k"]
+
+
+@given(st.tuples(*[st.floats(-7, 7)] * 3))
+def test_a_frame_s_roll_pitch_and_yaw_are_about_fixed_axes(rpy):
+    turned = f"<origin xyz='1 2 3' rpy='{' '.join(map(repr, rpy))}'/>"
+    (found,) = robot("<link name='base'/><link name='door'/>",
+                     joint("hinge", "base", "door", turned)).joints  # fmt: skip
+    rows = np.array(found.root_from_joint)
+    assert rows[:, :3] == pytest.approx(Rotation.from_euler("xyz", rpy).as_matrix(), abs=1e-12)
+    assert rows[:, 3].tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize(

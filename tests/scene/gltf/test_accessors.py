@@ -215,6 +215,18 @@ def test_sparse_parts_out_of_range():
             read(made.glb())
 
 
+@pytest.mark.parametrize("part", ["indices", "values"])
+def test_a_sparse_part_names_its_view(part):
+    """The last view of the file would do otherwise: it is as long as needed."""
+    made = Document()
+    position = sparse(made, 4, [1], [(0, 0, 0)])
+    del made.json["accessors"][position]["sparse"][part]["bufferView"]
+    made.node(mesh=made.add("meshes", primitives=[{"attributes": {"POSITION": position}}]))
+    made.view(bytes(1000))
+    with pytest.raises(UnreadableGltfError, match=f"sparse.{part}"):
+        read(made.glb())
+
+
 @pytest.mark.parametrize(
     ("change", "found"),
     [

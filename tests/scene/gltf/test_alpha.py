@@ -295,6 +295,16 @@ def test_vertex_alpha_times_a_texture():
     assert (shown(made) == (alpha >= 0.5)).all()
 
 
+@pytest.mark.parametrize("dtype", ["f4", "u1"])
+def test_one_alpha_at_all_vertices_is_stored_as_a_factor(dtype):
+    same = read(painted([0.8] * 4, dtype, TEXELS).glb())
+    factor = read(card(TEXELS, factor=0.8).glb())
+    assert same.corner_alpha.tolist() == factor.corner_alpha.tolist()
+    assert same.triangle_cutout.tolist() == factor.triangle_cutout.tolist()
+    varying = read(painted([0.8, 0.8, 0.8, 0.7], dtype, TEXELS).glb())
+    assert len(varying.corner_alpha) > len(factor.corner_alpha)
+
+
 def test_triangles_whose_corners_are_all_above_or_below_need_no_cut_out():
     snapshot = read(painted([0.6, 0.7, 0.8, 0.9]).glb())
     assert snapshot.cutouts == ()

@@ -119,6 +119,11 @@ def test_textures_and_their_tiles(taken):
     read(textured(alpha, uv, wrapS=10497, wrapT=33071).glb())
     # Tiles -1 to 3 across: those that are reached, and one further on either side.
     assert taken[2] == (2 * 10 * 5, "alpha textures")
+    taken.clear()
+    upright = [(v, u) for u, v in uv]
+    read(textured(alpha, upright, wrapS=33071, wrapT=10497).glb())
+    assert taken[2][1] == "alpha textures"
+    assert taken[2][0] > 2 * 10 * 2  # as many tiles upwards, not fewer
 
 
 def test_vertex_colours(taken):
