@@ -105,7 +105,7 @@ MOST_LINES = {
     "exports": 950,
     "plugin": 6950,
     "readouts": 3150,
-    "records": 8100,
+    "records": 8120,
     "report": 6690,
     "running": 2800,
     "scene": 12250,

@@ -39,9 +39,10 @@ from legoworld.evaluation.reconstruction.judges import judge_agreement
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.files import canonical_json, refuse_existing, sha256_of_file, write_text
 from legoworld.records.base import readable, to_record
-from legoworld.records.bench_dataset import PictureCard, RenderCard
+from legoworld.records.bench_dataset import PictureCard
 from legoworld.records.bench_results import JudgesFile, Leaderboard, Parts, ServeAnswer
 from legoworld.records.folders.read_evaluation import EVIDENCE
+from legoworld.records.render_card import RenderCard
 from legoworld.records.run_rows import RunRow
 from legoworld.records.trajectories import TRAJECTORIES
 from legoworld.running.submission import BenchRules, bench_rules

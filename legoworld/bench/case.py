@@ -15,7 +15,8 @@ from legoworld.errors import SceneInvalidError
 from legoworld.evaluation.reconstruction.appearance import agreement, decode_picture, resize_picture
 from legoworld.readouts.joints import part_surfaces
 from legoworld.records.base import as_json, to_record
-from legoworld.records.bench_dataset import NoiseFloor, ReferenceJoint, SceneJoint, ScoredObject
+from legoworld.records.bench_dataset import NoiseFloor, ReferenceJoint, ScoredObject
+from legoworld.records.joints import SceneJoint
 from legoworld.scene.instances import Grouping
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.tracks.vocabulary import normal_name

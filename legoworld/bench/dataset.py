@@ -17,12 +17,7 @@ from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import sha256_of_text, write_text
 from legoworld.records.base import as_json, readable, to_record
-from legoworld.records.bench_dataset import (
-    BenchImage,
-    BenchInfo,
-    BenchTrackFile,
-    BenchTruthFile,
-)
+from legoworld.records.bench_dataset import BenchImage, BenchInfo, BenchTrackFile, BenchTruthFile
 from legoworld.records.second_card import BenchXFile, BenchXImage, BenchXInfo
 from legoworld.records.track import CategoryInfo
 from legoworld.scene.blender_process import Limits

@@ -27,9 +27,9 @@ from legoworld.records.bench_dataset import (
     NoiseFloor,
     PictureCard,
     ReferenceJoint,
-    RenderCard,
     Tier,
 )
+from legoworld.records.render_card import RenderCard
 from legoworld.records.scene_folder import LabelsFile
 from legoworld.records.second_card import XTruth
 from legoworld.records.track import Probe

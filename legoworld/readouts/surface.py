@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.files import write_npz
-from legoworld.records.bench_dataset import Pose
+from legoworld.records.joints import Pose
 from legoworld.records.submission import SubmittedCamera
 from legoworld.scene.snapshot import SceneCamera, Snapshot
 from legoworld.visibility.camera import projection

@@ -1,4 +1,4 @@
-"""LEGO-Bench's files: DATASET/public/track.json and DATASET/private/truth.json; joints of a scene.
+"""LEGO-Bench's files: DATASET/public/track.json and DATASET/private/truth.json.
 
 Nothing of the private half is in the public one, not even as a hash; the private half names the
 public one by its sha256, so that halves of two datasets are never scored together.
@@ -6,40 +6,20 @@ public one by its sha256, so that halves of two datasets are never scored togeth
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.joints import JointType, Pose, SceneJoint
+from legoworld.records.render_card import RenderCard
 from legoworld.records.track import CategoryInfo, ImageInfo, Pixels, Private
 
-JointType = Literal["revolute", "continuous", "prismatic"]
-JOINT_TYPES: Final[tuple[JointType, ...]] = ("revolute", "continuous", "prismatic")
-Vector = tuple[float, float, float]
 Count = Annotated[int, Meta(ge=0)]
 #: What became of a reference joint: the counts C, W, P, O, J, and ignored, which no count has.
 Outcome = Literal[
     "correct", "wrong", "part_missing", "object_missing", "joint_missing", "ignored"
 ]  # fmt: skip
-
-
-class SceneJoint(Record, frozen=True, kw_only=True):
-    """One joint of a scene, in the camera frame: x right, y down, z forward, metres.
-
-    part: the object that moves, with all its descendants; source: `property`, or the URDF file's
-    name; axis_cam: of unit length; origin_cam_m: a point of the axis; lower, upper: limits as
-    stated (radians or metres), null where none are; box_cam_m: smallest and largest corner of the
-    part's geometry, null where it has none.
-    """
-
-    part: str
-    source: str
-    type: JointType
-    axis_cam: Vector
-    origin_cam_m: Vector
-    lower: float | None
-    upper: float | None
-    box_cam_m: tuple[Vector, Vector] | None
 
 
 class ReferenceJoint(SceneJoint, frozen=True, kw_only=True):
@@ -105,13 +85,6 @@ class ArticulationSummary(JointCounts, frozen=True, kw_only=True):
 #: Easy < Medium < Hard: each holds the objects of the one before, and more.
 Tier = Literal["easy", "medium", "hard"]
 Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
-#: (4, 4) rows; OpenCV camera axes to Blender's world, rotation of unit scale, metres.
-Pose = tuple[
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-]
 
 
 class BenchImage(ImageInfo, frozen=True, kw_only=True):
@@ -156,27 +129,6 @@ class BenchTrackFile(Private, frozen=True, kw_only=True):
     info: BenchInfo
     images: Annotated[tuple[BenchImage, ...], Meta(min_length=1)]
     categories: tuple[CategoryInfo, ...]
-
-
-class RenderCard(Record, frozen=True, kw_only=True):
-    """How the evaluator renders a submission for A; equal cards, equal pixels on one machine.
-
-    longest_side_px: the other side is rounded from the image's aspect.
-    """
-
-    version: str
-    engine: Literal["CYCLES"]
-    device: Literal["CPU"]
-    samples: Annotated[int, Meta(ge=1)]
-    seed: int
-    longest_side_px: Pixels
-    adaptive_sampling: Literal[False]
-    denoiser: Literal[False]
-    compositor: Literal[False]
-    sequencer: Literal[False]
-    border: Literal[False]
-    film_transparent: Literal[False]
-    resolution_percentage: Literal[100]
 
 
 class BenchCamera(Record, frozen=True, kw_only=True):

@@ -7,9 +7,9 @@ from typing import Any
 from msgspec import field
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.bench_dataset import RenderCard
 from legoworld.records.cards import OptionValue
 from legoworld.records.predictions import Number, Prediction
+from legoworld.records.render_card import RenderCard
 from legoworld.records.run_rows import RunRow
 from legoworld.records.scene_folder import Protected
 

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.bench_dataset import SceneJoint
 from legoworld.records.evaluation_rows import ImageRow
+from legoworld.records.joints import SceneJoint
 from legoworld.records.submission import (
     Integrity,
     ProbedFile,

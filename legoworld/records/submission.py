@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.bench_dataset import Pose, SceneJoint
+from legoworld.records.joints import Pose, SceneJoint
 
 Size = tuple[int, int]
 

@@ -25,7 +25,7 @@ from legoworld.readouts.surface import (
     write_surface,
 )
 from legoworld.records.base import UNSET, as_json, canonical, to_record
-from legoworld.records.bench_dataset import RenderCard
+from legoworld.records.render_card import RenderCard
 from legoworld.records.run_file import BenchReading, RunSummary, ValidityCounts
 from legoworld.records.run_rows import RunRow
 from legoworld.records.submission import (

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from legoworld.errors import SceneInvalidError
-from legoworld.records.bench_dataset import JOINT_TYPES, JointType, Vector
+from legoworld.records.joints import JOINT_TYPES, JointType, Vector
 
 Rows = tuple[tuple[float, float, float, float], ...]
 

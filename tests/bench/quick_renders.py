@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from legoworld.records.bench_dataset import RenderCard
+from legoworld.records.render_card import RenderCard
 from legoworld.running import submission
 from legoworld.scene.open_scene import CardRender
 

@@ -17,7 +17,8 @@ from legoworld.bench.family import MakeOptions, lost_family
 from legoworld.cards import load_card
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode, to_record
-from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, PictureCard, RenderCard
+from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, PictureCard
+from legoworld.records.render_card import RenderCard
 from legoworld.records.submission import BenchRow
 from legoworld.scene.blender_process import BlenderProcess, Limits
 

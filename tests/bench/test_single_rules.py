@@ -27,10 +27,10 @@ from legoworld.records.bench_dataset import (
     BenchHashes,
     BenchTruth,
     PictureCard,
-    RenderCard,
-    SceneJoint,
     ScoredObject,
 )
+from legoworld.records.joints import SceneJoint
+from legoworld.records.render_card import RenderCard
 
 
 def png(values: Any) -> bytes:

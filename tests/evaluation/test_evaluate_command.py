@@ -186,7 +186,7 @@ def test_options_of_the_other_kind_are_refused(tmp_path):
     assert cli.run([*arguments, "--draws", "0"]) == 2
 
 
-def test_scoring_starts_neither_blender_nor_a_kernel(tmp_path):
+def test_scoring_boxes_starts_neither_blender_nor_a_kernel_nor_another_family(tmp_path):
     truth = random_truth("coco", seed=1)
     run = write_run(tmp_path / "run", "coco", truth, random_predictions("coco", truth, seed=1))
     path = write_truth(tmp_path / "truth.json", truth)
@@ -195,7 +195,10 @@ def test_scoring_starts_neither_blender_nor_a_kernel(tmp_path):
         f"assert run(['evaluate', {str(run)!r}, '--truth', {str(path)!r},"
         f" '-o', {str(tmp_path / 'eval')!r}, '--draws', '5']) == 0;"
         "bad = {'bpy', 'torch', 'cv2', 'matplotlib', 'legoworld.visibility.kernel',"
-        " 'legoworld.scene.blender_process'} & set(sys.modules); assert not bad, bad"
+        " 'legoworld.scene.blender_process'} & set(sys.modules);"
+        "rooms = {m for m in sys.modules if m.startswith('legoworld.') and '.records.' not in m};"
+        "bad |= {m for m in rooms if any(w in m for w in ('bench', 'depth', 'reconstruction'))};"
+        "assert not bad, bad"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False

@@ -9,7 +9,8 @@ import pytest
 
 from legoworld.cards import load_card
 from legoworld.records.base import RecordError, as_json, canonical, decode
-from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile, RenderCard
+from legoworld.records.bench_dataset import BenchTrackFile, BenchTruthFile
+from legoworld.records.render_card import RenderCard
 from legoworld.records.submission import Check, Validity
 from legoworld.tracks.track import load_track
 from legoworld.visibility.scoring_raster import (

@@ -21,15 +21,13 @@ from scipy.optimize import linear_sum_assignment
 from legoworld.cards import read_values
 from legoworld.evaluation.reconstruction.points import F64
 from legoworld.records.bench_dataset import (
-    JOINT_TYPES,
     Articulation,
     JointCounts,
     JointRow,
     Outcome,
     ReferenceJoint,
-    SceneJoint,
-    Vector,
 )
+from legoworld.records.joints import JOINT_TYPES, SceneJoint, Vector
 from legoworld.shipped import catalog
 
 _CARD: Final = "pilots/articulation"

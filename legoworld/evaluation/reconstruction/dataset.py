@@ -13,12 +13,7 @@ from legoworld import exit_codes
 from legoworld.errors import LegoWorldError, cause
 from legoworld.files import sha256_of_file
 from legoworld.records.base import RecordError, decode
-from legoworld.records.bench_dataset import (
-    BenchImage,
-    BenchTrackFile,
-    BenchTruth,
-    BenchTruthFile,
-)
+from legoworld.records.bench_dataset import BenchImage, BenchTrackFile, BenchTruth, BenchTruthFile
 
 
 class BenchTruthError(LegoWorldError):

@@ -22,7 +22,8 @@ from legoworld.evaluation.reconstruction.points import (
 from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.records.base import UNSET, UnsetType
-from legoworld.records.bench_dataset import Articulation, ReferenceJoint, Vector
+from legoworld.records.bench_dataset import Articulation, ReferenceJoint
+from legoworld.records.joints import Vector
 from legoworld.records.submission import BenchRow
 
 

@@ -30,9 +30,9 @@ from legoworld.records.bench_dataset import (
     BenchTruthFile,
     NoiseFloor,
     PictureCard,
-    RenderCard,
     ScoredObject,
 )
+from legoworld.records.render_card import RenderCard
 from legoworld.records.second_card import CONTEXT, OWN, BenchXFile, BenchXImage, BenchXInfo, XTruth
 from legoworld.records.submission import (
     BenchRow,

@@ -29,7 +29,8 @@ from legoworld.evaluation.reconstruction.articulation import (
 from legoworld.evaluation.reconstruction.joints import _present
 from legoworld.evaluation.reconstruction.points import points_m
 from legoworld.records.base import UNSET, as_json, decode, decode_lines, readable, to_record
-from legoworld.records.bench_dataset import BenchTruthFile, ReferenceJoint, SceneJoint
+from legoworld.records.bench_dataset import BenchTruthFile, ReferenceJoint
+from legoworld.records.joints import SceneJoint
 from legoworld.records.reconstruction import ReconstructionRow
 from legoworld.records.submission import BenchRow
 
