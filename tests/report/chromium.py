@@ -96,7 +96,7 @@ class Browser:
 
     def pdf(self) -> bytes:
         """The page as it prints."""
-        return self.page.pdf()
+        return self.page.pdf(prefer_css_page_size=True, print_background=True)
 
 
 @contextlib.contextmanager

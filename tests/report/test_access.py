@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import re
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -282,3 +285,52 @@ def test_the_first_screen_answers_without_scrolling(
             left, top, right = box
             assert 0 <= left < right <= size[0], (address, selector, box)
             assert 0 <= top < size[1] - 20, (address, selector, box)
+
+
+FIGURES = [
+    ("#/coco?tab=plots", ".plot", "recall"), ("#/coco?tab=plots", ".ties", "orders"),
+    ("#/eth3d?tab=plots", ".plot", "ground truth"), ("#/bench", ".plot", "R"),
+    ("#/bench?tab=plots", ".plot", "A"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("address", "selector", "word"), FIGURES)
+def test_a_figure_is_printed_alone_with_its_fonts(
+    chrome: Browser, page: Path, address: str, selector: str, word: str
+) -> None:
+    """One page of the figure's size; its text is found through the fonts' own maps to Unicode."""
+    chrome.prefer("dark")
+    chrome.resize(1400)
+    chrome.open(page, address)
+    chrome.js("window.print = () => {}")
+    figure = chrome.page.locator(f"section:not([hidden]) figure{selector}:visible").first
+    drawn = figure.locator("svg[viewBox]").last
+    width, height = drawn.evaluate("n => [n.viewBox.baseVal.width, n.viewBox.baseVal.height]")
+    button = figure.get_by_role("button", name=" as PDF")
+    button.focus()
+    chrome.key("Enter")
+    pdf = chrome.pdf()
+    chrome.until("!document.getElementById('figure-alone') && document.title.includes('legoworld')")
+    assert len(re.findall(rb"/Type /Page\b", pdf)) == 1
+    (box,) = re.findall(rb"/MediaBox \[0 0 (\S+) (\S+)\]", pdf)
+    assert [float(side) for side in box] == pytest.approx([width * 0.75, height * 0.75], abs=1)
+    assert re.search(rb"/FontFile[23]", pdf)
+    assert b"/Subtype /Type3" not in pdf
+    letters = mapped_letters(pdf)
+    assert set(word) - {" "} <= letters
+    assert letters <= set(drawn.text_content()) | {" ", "\u00a0"}  # nothing else of the page
+
+
+def mapped_letters(pdf: bytes) -> set[str]:
+    """The characters that a PDF's fonts map to; its fonts hold those alone that it shows."""
+    letters = set()
+    for packed in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", pdf, re.DOTALL):
+        with contextlib.suppress(zlib.error):
+            text = zlib.decompress(packed).decode("latin-1")
+            for block in re.findall(r"beginbfchar(.*?)endbfchar", text, re.DOTALL):
+                letters |= {chr(int(to, 16)) for _, to in re.findall(r"<(\w+)> <(\w+)>", block)}
+            for block in re.findall(r"beginbfrange(.*?)endbfrange", text, re.DOTALL):
+                for first, last, to in re.findall(r"<(\w+)> <(\w+)> <(\w+)>", block):
+                    span = int(last, 16) - int(first, 16) + 1
+                    letters |= {chr(int(to, 16) + i) for i in range(span)}
+    return letters

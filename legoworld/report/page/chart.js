@@ -70,7 +70,8 @@ export function fileButtons({ name, title, note, rows, root }) {
   const one = (kind, ending, type, text) => button(kind, () => save(name + ending, type, text()), { "aria-label": title + " as " + kind });
   return el("span", { class: "files" }, [one("CSV", ".csv", "text/csv", () => csvOf(rows)),
     one("LaTeX", ".tex", "application/x-tex", () => latexOf(rows, title + (note ? ": " + note : ""))),
-    root ? one("SVG", ".svg", "image/svg+xml", () => svgText(root)) : null]);
+    ...root ? [one("SVG", ".svg", "image/svg+xml", () => drawingAlone(root).outerHTML),
+      button("PDF", () => printAlone(root, name), { "aria-label": title + " as PDF", title: "print this figure alone: choose to save as PDF" })] : []]);
 }
 
 const LATEX = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}",
@@ -99,7 +100,7 @@ const KEPT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharra
   "font-family", "font-size", "font-weight", "text-anchor", "opacity"];
 
 /* The drawing by itself: every element with the style it has here, on the page's ground. */
-function svgText(root) {
+function drawingAlone(root) {
   const copy = root.cloneNode(true);
   const [from, to] = [root.querySelectorAll("*"), copy.querySelectorAll("*")];
   from.forEach((node, i) => {
@@ -114,7 +115,23 @@ function svgText(root) {
   copy.setAttribute("height", String(view.height));
   copy.prepend(svg("rect", { width: view.width, height: view.height,
     fill: getComputedStyle(document.body).backgroundColor }));
-  return copy.outerHTML;
+  return copy;
+}
+
+/* The drawing as the only thing on one page of its own size: the browser's print embeds the fonts.
+   The ground is paper, whatever the scheme; the browser offers the document's title as file name. */
+function printAlone(root, name) {
+  const { width, height } = root.viewBox.baseVal;
+  const page = document.documentElement;
+  const titled = document.title;
+  page.classList.add("paper");
+  const sheet = el("div", { id: "figure-alone" }, [drawingAlone(root)]);
+  page.classList.remove("paper");
+  sheet.append(el("style", {}, ["@page { size: " + width + "px " + height + "px; margin: 0; }"]));
+  window.addEventListener("afterprint", () => { sheet.remove(); document.title = titled; }, { once: true });
+  document.body.append(sheet);
+  document.title = name;
+  window.print();
 }
 
 export function save(name, type, text) {

@@ -103,6 +103,7 @@ function start() {
   window.addEventListener("scroll", again, { passive: true });
   window.addEventListener("resize", () => { again(); document.querySelectorAll("section.task:not([hidden])").forEach(markScrollers); });
   window.addEventListener("beforeprint", () => {
+    if (document.getElementById("figure-alone")) { return; }
     if (!DATA.alone) { DATA.sections.forEach((s) => { overview(s, true); plots(s); }); }
     drawAll();
   });
