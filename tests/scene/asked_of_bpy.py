@@ -6,8 +6,11 @@ Prints one JSON object; `test_asked_of_bpy.py` says what belongs in it.
 from __future__ import annotations
 
 import json
+import os
 import sys
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -85,6 +88,9 @@ def _settings() -> Any:
         "plain": [_plain(v) for v in (b"\1\xff", {"b", "a"}, 0.5, 2, "s", None, (1.0, True))],
         "meshes": {name: mesh_sha256(_strip(name)) for name in ("", *_STRIPS)},
         "images": {name: _picture(change) for name, change in _PICTURES.items()},
+        "files": _pictures_of_a_file(),
+        "shapes": [_shaped(height) for height in (0.0, 0.0, 1.0)],
+        "add-on": CUSTOM in Settings().of(bpy.context.scene.cycles),
         "links": [_linked(*ends) for ends in ((0, 0), (0, 1), (1, 0))],
     }
 
@@ -119,12 +125,49 @@ _PICTURES: dict[str, Any] = {
 def _picture(change: Any) -> str:
     image = bpy.data.images.new("picture", 2, 2)
     change(image)
+    read = _read_of(image)
+    bpy.data.images.remove(image)
+    return read
+
+
+def _pictures_of_a_file() -> list[str]:
+    """An image as its file is, painted without saving, and after its file's bytes changed."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.bmp"
+        pixels = b"BM\x3a\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0\1\0\0\0\1\0\0\0\1\0\x18\0"
+        pixels = pixels.ljust(54, b"\0") + b"\x10\x20\x30\0"
+        file.write_bytes(pixels)
+        image = bpy.data.images.load(str(file))
+        told = [_read_of(image)]
+        image.pixels[0] = 0.75
+        told.append(_read_of(image))
+        image.reload()
+        changed = file.stat().st_mtime_ns
+        file.write_bytes(pixels[:-2] + b"\x31\0")
+        os.utime(file, ns=(changed, changed))
+        told.append(_read_of(image))
+        file.unlink()
+        told.append(_read_of(image))
+    return told
+
+
+def _read_of(image: Any) -> str:
+    """What a material says of itself that shows an image."""
     material = bpy.data.materials.new("own")
     material.use_nodes = True
     material.node_tree.nodes.new("ShaderNodeTexImage").image = image
     read = json.dumps(Settings().of(material)["node_tree"])
     bpy.data.materials.remove(material)
-    bpy.data.images.remove(image)
+    return read
+
+
+def _shaped(height: float) -> Any:
+    """The settings of a shape key, one of whose points is that high."""
+    holder = bpy.data.objects.new("shaped", _strip(""))
+    holder.shape_key_add(name="basis")
+    holder.data.shape_keys.key_blocks[0].data[1].co.z = height
+    read = Settings().of(holder.data.shape_keys.key_blocks[0])
+    bpy.data.objects.remove(holder)
     return read
 
 

@@ -66,6 +66,17 @@ def test_a_mesh_s_hash_is_of_what_a_render_uses(told):
 
 def test_an_image_is_its_pixels_and_how_they_are_read(told):
     assert len(set(told["settings"]["images"].values())) == 4
+    # As its file is, painted on, with another file of the same size and time, and with none.
+    assert len(set(told["settings"]["files"])) == 4
+
+
+def test_a_shape_key_is_its_points(told):
+    one, same, other = told["settings"]["shapes"]
+    assert one == same != other
+
+
+def test_settings_of_an_add_on_are_no_custom_properties(told):
+    assert not told["settings"]["add-on"]
 
 
 def test_a_link_is_both_its_sockets(told):
