@@ -20,6 +20,7 @@ from legoworld.scene.blender.shader_links import UnreadableAlphaError, find_feed
 
 Wire = Callable[[Any], Any]  # node tree -> the socket that carries alpha
 IMAGE_VALUES = (0.0, 0.25, 0.6, 1.0)
+TURNED = (0.3, -0.5, 0.7)  # about x, y and z
 
 
 def main() -> int:
@@ -285,13 +286,14 @@ def _lookups() -> dict[str, Callable[[Any, Any], Any]]:
 
         return change
 
-    def mapping(kind: str, linked: bool = True, scale: float = 2.0) -> Any:
+    def mapping(kind: str, linked: bool = True, scale: float = 2.0, **more: Any) -> Any:
         def change(tree: Any, texture: Any) -> None:
             node = _node(tree, "Mapping", vector_type=kind)
             if linked:
                 uv = _node(tree, "UVMap", uv_map="second")
                 tree.links.new(uv.outputs[0], node.inputs["Vector"])
-            for name, value in (("Location", (0.25, 0.5, 0)), ("Scale", (scale, 4, 1))):
+            given = {"Location": (0.25, 0.5, 0), "Scale": (scale, 4, 1), **more}
+            for name, value in given.items():
                 if name in node.inputs:
                     node.inputs[name].default_value = value
             tree.links.new(node.outputs[0], texture.inputs["Vector"])
@@ -329,6 +331,8 @@ def _lookups() -> dict[str, Callable[[Any, Any], Any]]:
         "generated": coordinates("TexCoord", "Generated"),
         "mapped": mapping("POINT"),
         "mapped back": mapping("TEXTURE"),
+        "mapped and turned": mapping("POINT", Rotation=TURNED),
+        "mapped and turned back": mapping("TEXTURE", Rotation=TURNED),
         "mapped vector": mapping("VECTOR"),
         "mapped flat": mapping("POINT", scale=0.0),
         "mapped nothing": mapping("POINT", linked=False),

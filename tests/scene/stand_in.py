@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +32,8 @@ class StandIn(BlenderProcess):
     """Answers as the worker does.
 
     lost: how often the process is lost before it answers; slow: it never does; meanwhile: what
-    happens while it reads; pictures: what renders show, one after another.
+    happens while it reads; pictures: what renders show, one after another; names: the objects of
+    a file, each of which is met at one pixel, n scene units away for the n-th question.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class StandIn(BlenderProcess):
         meanwhile: Callable[[], object] = lambda: None,
         pictures: tuple[bytes, ...] = (),
         facts: dict[str, Any] | None = None,
+        names: tuple[tuple[str, str], ...] = (),
     ) -> None:
         super().__init__(Limits())
         self.asked: list[dict[str, Any]] = []
@@ -51,6 +54,7 @@ class StandIn(BlenderProcess):
         self._meanwhile = meanwhile
         self._pictures = list(pictures)
         self._facts = facts or FACTS
+        self._names = names
 
     def request(self, message: dict[str, Any]) -> dict[str, Any]:
         self.asked.append(message)
@@ -64,6 +68,12 @@ class StandIn(BlenderProcess):
         self._meanwhile()
         if message["kind"] == "card_render":
             output.write_bytes(self._pictures.pop(0))
+            return {}
+        if message["kind"] == "card_depth":
+            met = np.arange(len(self._names), dtype=np.int32)[None]
+            depth = np.full(met.shape, len(self.asked), np.float32)
+            names = np.frombuffer(json.dumps(self._names).encode(), np.uint8)
+            np.savez(output, depth_z=depth, object=met, object_names=names)
             return {}
         if message["kind"] == "facts":
             np.savez(output, textures=np.full((1, 2, 2, 3), len(self.asked), np.uint8))

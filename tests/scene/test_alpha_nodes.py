@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from math import cos, sin
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,17 @@ RULES: dict[str, list[Any]] = {
     "bumped": ["there"],
     "cut": [[0.25, True]],
 }  # fmt: skip
+(CX, CY, CZ), (SX, SY, SZ) = ([turn(a) for a in (0.3, -0.5, 0.7)] for turn in (cos, sin))
+# What the turned x and y axes have in the flat: columns of Rz Ry Rx.
+XX, XY = CZ * CY, SZ * CY
+YX, YY = CZ * SY * SX - SZ * CX, SZ * SY * SX + CZ * CX
+TURNED = [round(v, 6) for v in (2 * XX, 4 * YX, 0.25, 2 * XY, 4 * YY, 0.5)]
+TURNED_BACK = [
+    round(v, 6)
+    for v in (
+        XX / 2, XY / 2, -(XX * 0.25 + XY * 0.5) / 2, YX / 4, YY / 4, -(YX * 0.25 + YY * 0.5) / 4
+    )
+]  # fmt: skip
 AS_IT_IS = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 PLAIN = ["leaf", "alpha", None, AS_IT_IS, "repeat", "linear"]
 LOOKUPS: dict[str, Any] = {
@@ -109,6 +121,9 @@ LOOKUPS: dict[str, Any] = {
     "mapped back": [
         "leaf", "alpha", "second", [0.5, 0.0, -0.125, 0.0, 0.25, -0.125], "repeat", "linear"
     ],
+    # The same about x, y and z by 0.3, -0.5 and 0.7, before the shift and after the scale.
+    "mapped and turned": ["leaf", "alpha", "second", TURNED, "repeat", "linear"],
+    "mapped and turned back": ["leaf", "alpha", "second", TURNED_BACK, "repeat", "linear"],
     "mapped vector": "alpha texture coordinates come from a vector Mapping",
     "mapped flat": "alpha texture coordinates come from a point Mapping",
     "mapped nothing": "alpha texture coordinates come from a Mapping node",

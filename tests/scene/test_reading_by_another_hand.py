@@ -11,6 +11,7 @@ from scene.by_hand import CAMERA, HandScene
 from scene.gltf.documents import Document
 from scene.stand_in import FACTS, StandIn
 
+from legoworld.conventions import MOST_OBJECTS
 from legoworld.errors import (
     SceneChangedError,
     SceneInvalidError,
@@ -182,6 +183,48 @@ def test_a_render_is_asked_for_once_and_kept(scene, tmp_path):
         opened(scene, blender, cache, content={"a": 1}).render(CARD)
         opened(scene, blender, cache, content={"a": 1}).render(CARD)
         assert len(blender.asked) == 5
+
+
+def test_what_a_render_meets_is_asked_for_once_and_kept(scene, tmp_path):
+    hand = HandScene()
+    for name in ("Chair", "Table", "Lamp"):
+        hand.object(name)
+    hand.occurs("Chair")
+    made = hand.snapshot()
+    chair, table, lamp = made.objects
+    linked = replace(table, library="//more.blend")
+    snapshot = replace(
+        made, objects=(chair, linked, lamp), render=replace(made.render, unit_scale=0.5)
+    )
+    names = (("Table", "//more.blend"), ("Table", ""), ("Chair", ""))
+    cache = SnapshotCache(tmp_path / "cache")
+    with stand_in(names=names) as blender:
+        met = opened(scene, blender, cache).met(CARD, snapshot)
+        assert met.depth_z_m.tolist() == [[0.5, 0.5, 0.5]]
+        assert met.object.tolist() == [[0, 1, 2]]
+        assert met.place.tolist() == [2, 0, -1]
+        again = opened(scene, blender, cache).met(replace(CARD, threads=3), snapshot)
+        assert (again.depth_z_m == met.depth_z_m).all()
+        assert (again.place == met.place).all()
+        assert [m["kind"] for m in blender.asked] == ["card_depth"]
+        opened(scene, blender, cache).render(CARD)
+        assert (
+            opened(scene, blender, cache).met(replace(CARD, seed=3), snapshot).depth_z_m.max()
+            == 1.5
+        )
+        assert opened(scene, blender).met(CARD, snapshot).depth_z_m.max() == 2.0
+        assert opened(scene, blender).met(CARD, snapshot).depth_z_m.max() == 2.5
+    entries = [p for p in cache.folder.rglob("*.npz") if p.is_file()]
+    assert len(entries) == 2
+
+
+def test_an_object_s_number_in_a_render_begins_again_after_the_most(scene):
+    hand = HandScene()
+    hand.object("Last")
+    hand.occurs("Last")
+    names = (*((f"{n}", "") for n in range(MOST_OBJECTS + 1)), ("Last", ""))
+    with stand_in(names=names) as blender:
+        assert opened(scene, blender).met(CARD, hand.snapshot()).place.tolist() == [1]
 
 
 def test_facts_are_asked_for_once_and_kept(scene, tmp_path):
