@@ -254,3 +254,58 @@ def test_points_are_placements_of_their_own_occurrence():
     assert arrays["world_from_mesh"][:, 0, 3].tolist() == [0, 7, 8, 9, 0]
     assert found.mesh_order == [0, 4, 2, 1]
     assert arrays["surface_mesh"].tolist() == [0, 1, 2, 1, 3]
+
+
+def test_one_object_placed_twice_at_one_place_is_two():
+    entries = [seen("S", (), "S"), seen("S", (0,), "A"), seen("S", (1,), "A")]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    assert len(set(frames_of(found, entries, "A"))) == 2
+
+
+def test_members_that_follow_each_other_are_one_placement_until_one_comes_again():
+    entries = [seen("S", (), "S")]
+    for i, x in enumerate((0.0, 10.0)):
+        entries += [seen("S", (2 * i,), "A", x), seen("S", (2 * i + 1,), "B", x)]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    a, b = (frames_of(found, entries, name) for name in "AB")
+    assert a == b
+    assert len(set(a)) == 2
+
+
+def test_objects_moved_alike_under_different_paths_are_placed_apart():
+    entries = [seen("S", (), "S"), seen("S", (0, 0), "A"), seen("S", (1, 0), "B")]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    assert frames_of(found, entries, "A") != frames_of(found, entries, "B")
+
+
+@pytest.mark.parametrize(("apart", "one"), [(5.0, True), (20.0, False)])
+def test_moved_alike_is_within_a_share_of_the_distance(apart, one):
+    entries = [seen("S", (), "S"), seen("S", (0,), "A", 1e5), seen("S", (1,), "B", 1e5 + apart)]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    assert (frames_of(found, entries, "A") == frames_of(found, entries, "B")) == one
+
+
+def test_what_follows_an_even_index_is_not_of_the_one_before():
+    entries = [seen("S", (), "S"), seen("S", (1,), "E", mesh=-1), seen("S", (2, 0), "M")]
+    found = resolved(entries, S=makes(scatters=True), E=makes("COLLECTION", "M"))
+    assert "M<S" in makers(found, entries)
+
+
+def test_of_two_that_could_have_made_it_the_first_by_name_did():
+    entries = [
+        seen("S", (), "S", mesh=-1),
+        seen("S", (0,), "G", mesh=-1),
+        seen("S", (0,), "F", mesh=-1),
+        seen("S", (0, 0), "M"),
+    ]
+    both = {"F": makes("COLLECTION", "M"), "G": makes("COLLECTION", "M")}
+    for order in (entries, entries[::-1]):
+        found = resolved(order, S=makes("COLLECTION", "F G"), **both)
+        assert "M<F" in makers(found, order)
+
+
+def test_surfaces_of_an_occurrence_stay_in_order():
+    entries = [seen("S", (i,) if i else (), "S", float(i), mesh=i % 3) for i in range(200)]
+    found = resolved(entries, S=makes(own=True, scatters=True))
+    assert set(found.arrays["surface_occurrence"].tolist()) == {0}
+    assert found.arrays["world_from_mesh"][:, 0, 3].tolist() == list(range(200))

@@ -165,3 +165,13 @@ def test_a_scene_without_a_camera_has_one_only_where_any_will_do():
     assert (default.lens_mm, aspect, warnings) == (50.0, None, ())
     with pytest.raises(NoCameraError):
         scene_camera(document, empty)
+
+
+@pytest.mark.parametrize("flat", [{"xmag": 0}, {"ymag": 0}])
+def test_an_orthographic_view_has_a_width_and_a_height(flat):
+    lens = {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 100} | flat
+    made = Document(camera=False)
+    made.camera({"type": "orthographic", "orthographic": lens})
+    made.quad("Quad", -1, -1, 2)
+    with pytest.raises(UnsupportedCameraError, match="xmag"):
+        read(made.glb())
