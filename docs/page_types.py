@@ -32,7 +32,8 @@ ROOTS: Final = (
 )
 #: A section as page_file.py hands it to the scripts.
 SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
-                         "errors", "images", "names", "bench", "pixels", "cohorts")  # fmt: skip
+                         "errors", "images", "names", "bench", "pixels", "cohorts",
+                         "tags")  # fmt: skip
 _PLAIN: Final = {
     msgspec.inspect.StrType: "string",
     msgspec.inspect.IntType: "number",

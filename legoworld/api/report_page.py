@@ -25,19 +25,23 @@ def write_report(
     scene_folders: Sequence[str | Path] = (),
     trials: str | Path | None = None,
     photo: str | Path | None = None,
+    tags: str | Path | None = None,
 ) -> WrittenPage:
     """Write one HTML page of evaluations and comparisons: numbers, errors, every photo.
 
     folders: of evaluations or comparisons, or of those of several tasks. photos: the folder of the
     photos; scene_folders: where the scenes lie, for renders and 3D; trials: the page of
     `trajectory_report` that its photos link to; photo: the file name of one, for a small page of it
-    alone that links nowhere and holds no others' numbers. The page shows ground truth. An earlier
+    alone that links nowhere and holds no others' numbers; tags: a CSV with the columns `file_name`
+    and `tag`, to select photos by. The page shows ground truth. An earlier
     page is replaced; above 500 views or 64 MiB its pictures are in a folder beside it. UsageError
-    for `photo` with `trials`.
+    for `photo` with `trials`, and for tags of no photo of the page.
     """
     tops, places = [Path(folder) for folder in folders], [Path(one) for one in scene_folders]
     sources = [one for folder in tops for one in task_folders(folder, EVIDENCE)]
-    document = page_document(read_sources(sources), optional_path(photos), places)
+    document = page_document(
+        read_sources(sources), optional_path(photos), places, optional_path(tags)
+    )
     if photo is not None:
         if trials is not None:
             raise UsageError(

@@ -10,7 +10,7 @@ import click
 from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
-from legoworld.commands.param_types import EXISTING_FOLDER, FILE
+from legoworld.commands.param_types import EXISTING_FILE, EXISTING_FOLDER, FILE
 from legoworld.pluralize import plural, share, word_for
 
 
@@ -32,6 +32,12 @@ from legoworld.pluralize import plural, share, word_for
     "Only this photo: one small file that links nowhere, with no other photo's numbers.",
     click.STRING,
     metavar="NAME",
+    required=False,
+)
+@option(
+    "--tags",
+    "CSV with the columns file_name and tag, a line for each tag of a photo: a filter of the page.",
+    EXISTING_FILE,
     required=False,
 )
 @option("--trials", "Page of `trajectory report` to link to.", FILE, required=False)

@@ -295,7 +295,7 @@ class PageSection(Record, frozen=True, kw_only=True):
 
     specialist: whether a side is one, or the task has none; compared: the command that made the
     comparison; names: of the categories that are drawn, by id, absent where there are no
-    evaluations.
+    evaluations; tags: each with its image ids.
     """
 
     key: str
@@ -325,3 +325,4 @@ class PageSection(Record, frozen=True, kw_only=True):
     bench: BenchTables | None = None
     pixels: PixelList | None = None
     cohorts: Cohorts | None = None
+    tags: tuple[tuple[str, tuple[int, ...]], ...] = ()

@@ -93,5 +93,6 @@ def _section(section: PageSection, view: PageView, at: int) -> PageSection:
         categories=(),
         errors=(),
         cohorts=section.cohorts and cohort_of_image(section.cohorts, view.id),
+        tags=(),
         bench=bench,
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from legoworld.errors import UsageError
 from legoworld.evaluation.family import load_evaluation_family
 from legoworld.records.report_tables import PageSection, SideHead, SideNotes
 from legoworld.report.family import load_page_family
@@ -22,17 +23,22 @@ from legoworld.report.tables import (
     number_tables,
     without_specialist,
 )
+from legoworld.report.tags import read_tags, tag_images
 from legoworld.tasks.registry import require_task
 
 
 def page_document(
-    sections: Sequence[Section], photos: Path | None, scenes: Sequence[Path] = ()
+    sections: Sequence[Section],
+    photos: Path | None,
+    scenes: Sequence[Path] = (),
+    tags: Path | None = None,
 ) -> PageDocument:
     """The whole page as values.
 
     photos: the folder they are looked up in, None for none; scenes: where the scene folders lie,
-    for renders and 3D.
+    for renders and 3D; tags: a CSV of tags of photos. UsageError for a CSV without a tag of these.
     """
+    tagged = read_tags(tags) if tags else {}
     document = PageDocument(scenes=SceneFiles(folders=tuple(scenes)))
     places = Photos(folder=photos, document=document)
     for section in sections:
@@ -44,8 +50,16 @@ def page_document(
                 made,
                 overview=(*made.overview, *systems_table(section)),
                 numbers=(*made.numbers, *photos_table(section, made.images)),
+                tags=tag_images(tagged, made.images),
             )
         document.sections.append(made)
+    if tags and not any(section.tags for section in document.sections):
+        names = sorted(set[str]().union(*tagged.values()))
+        raise UsageError(
+            f"{tags.name} has no tag of a photo of this page",
+            found=", ".join(names[:3]) or "no line",
+            expected="file names as the track has them",
+        )
     return document
 
 

@@ -38,7 +38,8 @@ MARK: Final = "<!doctype html>\n<!-- legoworld report -->"
 THREE: Final = "three.bundle.js"
 #: What the scripts know of a section.
 _FOR_SCRIPTS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
-                       "errors", "images", "names", "bench", "pixels", "cohorts")  # fmt: skip
+                       "errors", "images", "names", "bench", "pixels", "cohorts",
+                       "tags")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from evaluation.detection_runs import random_predictions, random_truth
 from report.chromium import Browser, browser
 from report.pages import evaluated, page_of
 
+from legoworld import cli
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.report.cohorts import photo_gains
 from legoworld.tables.files import latex
@@ -94,6 +95,48 @@ def test_the_page_scores_a_selection_as_the_evaluator_does(
         assert said["AP50"] == pytest.approx(summary["metrics"]["AP50"], abs=1e-12)
         assert said["precision"] == pytest.approx(tp / (tp + fp))
         assert said["recall"] == pytest.approx(tp / objects)
+
+
+def test_a_tag_selects_its_photos_and_scores_them(chrome: Browser, tmp_path: Path) -> None:
+    names = {i["id"]: i["file_name"] for i in TRUTH["images"]}
+    night = set(list(names)[:5])
+    tags = tmp_path / "tags.csv"
+    lines = [f"{names[i]},night,me" for i in night] + [f"{n},day" for n in names.values()]
+    tags.write_text("\ufefffile_name,tag,by\n" + "\n".join([*lines, "other.jpg,night"]) + "\n")
+    boxes = evaluated(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
+    page = tmp_path / "tagged.html"
+    assert cli.run(["report", str(boxes), "--tags", str(tags), "-o", str(page)]) == 0
+    chrome.open(page, "#/coco?tab=photos")
+    chrome.page.locator("[data-filter=tag]").select_option(label="night (5)")
+    chrome.until("location.hash.includes('tag=night')")
+    chrome.until(
+        "document.querySelector('[data-cohort]').textContent.includes('5 photos, tag night')"
+    )
+    summary, _ = evaluated_part(tmp_path, night, None)
+    assert numbers(chrome)["AP"] == pytest.approx(summary["metrics"]["AP"], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name,tag\na.jpg,x\n", "the columns name, tag"),
+        ("", "the columns none"),
+        ("file_name,tag\na.jpg\n", "line 2 without a name or a tag"),
+        ('file_name,tag\n"a.jpg,x\n', "unexpected end of data"),
+        ("file_name,tag\nunknown.jpg,x\n", "unknown.jpg"),
+        ("file_name,tag\n", "no line"),
+    ],
+)
+def test_tags_that_cannot_be_used_are_refused(
+    text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags = tmp_path / "tags.csv"
+    tags.write_text(text)
+    boxes = evaluated(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
+    page = tmp_path / "page.html"
+    assert cli.run(["report", str(boxes), "--tags", str(tags), "-o", str(page)]) == 2
+    assert said in capsys.readouterr().err
+    assert not page.exists()
 
 
 def test_confidence_counts_and_draws_what_is_above_it(chrome: Browser, page: Path) -> None:

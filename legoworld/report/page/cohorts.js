@@ -176,7 +176,7 @@ export function cohortLines(section, rows, place) {
       ": " + found.tp + " of " + counted(found.objects, "object", "objects") + " found, " + counted(found.fp, "false positive", "false positives")]);
   });
   const what = counted(rows.length, "photo", "photos") + (choice.category < 0 ? "" : ", " + section.cohorts.categories[choice.category][1]) +
-    (choice.area ? ", " + place.size : "") + (choice.conf ? "; counts at confidence " + choice.conf + " or above, IoU 0.5" : "; counts at IoU 0.5");
+    (choice.area ? ", " + place.size : "") + (place.tag ? ", tag " + place.tag : "") + (choice.conf ? "; counts at confidence " + choice.conf + " or above, IoU 0.5" : "; counts at IoU 0.5");
   const cell = (value, between) => fixed(value) + (between && between[0] !== null ? " [" + fixed(between[0]) + ", " + fixed(between[1]) + "]" : "");
   const table = [["system", "AP", "AP50", "precision", "recall", "found", "objects", "false positives"], ...sides.map((s, k) => [section.sides[k].label,
     cell(s.ap, s.ap_ends), cell(s.ap50), cell(s.precision, s.precision_ends), cell(s.recall, s.recall_ends), s.tp, s.objects, s.fp])];

@@ -93,6 +93,7 @@ function fillChoices(section) {
     const flags = new Set(section.images.flatMap((row) => row.cells.flatMap((/** @type {any} */ c) => c.flags)));
     choice("flag", Array.from(flags).sort().map((f) => [f, f.replaceAll("_", " ")]));
   }
+  choice("tag", section.tags.map(([tag, ids]) => [tag, tag + " (" + ids.length + ")"]));
   choice("size", (section.cohorts ? section.cohorts.areas.slice(1) : []).map((a) => [a, a]));
   choice("wins", [...section.sides.map((s, k) => [String(k), s.label]), ["tie", "neither"]]);
   choice("sort", orders(section).map(([name, title]) => [name, title]));

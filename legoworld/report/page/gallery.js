@@ -112,7 +112,9 @@ export function listed(section, place) {
   const q = place.q.toLowerCase();
   const sized = section.cohorts && place.size ? countsOf(section, 0, choiceOf(section, place)).n : null;
   const large = new Set((section.cohorts ? section.cohorts.images : []).filter((_, i) => sized && sized[i]).map(([id]) => id));
-  const rows = section.images.filter((row) => keeps(row, place, q) && (!sized || large.has(row.id)));
+  const ids = section.tags.find(([tag]) => tag === place.tag);
+  const tagged = place.tag ? new Set(ids ? ids[1] : []) : null;
+  const rows = section.images.filter((row) => keeps(row, place, q) && (!sized || large.has(row.id)) && (!tagged || tagged.has(row.id)));
   return sorted(rows, section, place.sort);
 }
 

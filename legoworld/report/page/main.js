@@ -74,7 +74,7 @@ function follow(event) {
   const wanted = parsePlace(link.getAttribute("href"));
   if (wanted.image) { moveTo({ section: wanted.section, image: wanted.image }); return; }
   const changes = { section: wanted.section, image: "", tab: wanted.tab };
-  if (wanted.section !== here().section || wanted.kind || wanted.cat || wanted.status || wanted.tier || wanted.flag) {
+  if (wanted.section !== here().section || wanted.kind || wanted.cat || wanted.status || wanted.tier || wanted.flag || wanted.tag) {
     KEYS.forEach((key) => { changes[key] = wanted[key]; });
   }
   moveTo(changes);

@@ -1,6 +1,6 @@
 /* Where the reader is: everything that can be linked to lives in the address after "#". */
 
-export const KEYS = ["tab", "q", "status", "kind", "cat", "of", "wins", "tier", "flag", "sort", "size", "conf", "cq", "csort", "show", "panes"];
+export const KEYS = ["tab", "q", "status", "kind", "cat", "of", "wins", "tier", "flag", "tag", "sort", "size", "conf", "cq", "csort", "show", "panes"];
 
 /** @typedef {{section: string, image: string, [key: string]: string}} Place */
 
