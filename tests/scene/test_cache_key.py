@@ -29,8 +29,8 @@ NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_code
                      # how a program that was executed ended
                      "scene/programs/report.py", "records/base.py", "records/scene_folder.py",
                      # the types of what the process is asked, which no code that runs looks into
-                     "scene/requests.py", "records/joints.py", "records/render_card.py",
-                     "records/track.py",
+                     "scene/requests.py", "records/bench_dataset.py", "records/joints.py",
+                     "records/render_card.py", "records/track.py",
                      # the names of USD's labels, which only its import looks for
                      "scene/usd_labels.py",
                      # what a transaction compares, beside the snapshot
