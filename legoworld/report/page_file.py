@@ -15,6 +15,7 @@ import jinja2
 from markupsafe import Markup
 
 from legoworld.files import write_text
+from legoworld.pluralize import share, word_for
 from legoworld.records.base import Storable, canonical
 from legoworld.records.report_tables import PageSection
 from legoworld.report.error_kinds import BACKGROUND_IOU, FOREGROUND_IOU, KINDS
@@ -142,6 +143,7 @@ def page_text(
             background=BACKGROUND_IOU,
             no_specialist=NO_SPECIALIST,
             said=sorted({v.said for v in document.views if v.said}),
+            left_out=_views_left_out(document),
             beside=beside,
             style=Markup(style),
             scripts=[Markup(text) for text in (three, script) if text],
@@ -152,6 +154,12 @@ def page_text(
             texts=texts,
         )
     )
+
+
+def _views_left_out(document: PageDocument) -> str:
+    missing = sum(bool(view.said) for view in document.views)
+    of_all = share(missing, len(document.views), "view", "views")
+    return f"{of_all} {word_for(missing, 'has', 'have')} no photo"
 
 
 def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:

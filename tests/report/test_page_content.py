@@ -223,8 +223,11 @@ def test_missing_photos_are_said_and_never_fatal(
 ) -> None:
     text = page.read_text()
     assert "the photo 003.jpg was not found" in text
+    assert "<summary>1 of 12 views has no photo</summary>" in text
     assert text.count('<script type="text/plain" id="photo-') == 11
-    assert "no folder of photos was given" in page_of(tmp_path / "r.html", *both).read_text()
+    without = page_of(tmp_path / "r.html", *both).read_text()
+    assert "no folder of photos was given" in without
+    assert "<summary>12 of 12 views have no photo</summary>" in without
 
 
 #: What file systems and annotations allow, and one that no file system takes.
