@@ -17,7 +17,15 @@ from scipy.spatial.transform import Rotation
 from legoworld.records.scene_folder import ProgramReport
 from legoworld.scene import freeze, pictures, urdf
 from legoworld.scene.blender import truncated_output
-from legoworld.scene.folder import SceneFolder, leaves_scenes, outside_name, recorded_name
+from legoworld.scene.folder import (
+    SceneFolder,
+    file_source,
+    is_scene_file,
+    leaves_scenes,
+    outside_name,
+    recorded_name,
+    scene_at,
+)
 from legoworld.scene.freeze import FileHash, FrozenFiles
 from legoworld.scene.hair import tubes
 from legoworld.scene.hair.strands import Strands
@@ -361,3 +369,19 @@ def test_a_tube_touches_the_spheres_of_its_points(radii):
             corner = np.sqrt(np.einsum("ij,ij->i", away, away) - along**2)
             circle = radii[point] * math.sqrt(1 - sine**2)
             assert corner * (1 + math.cos(math.pi / 8)) / 2 == pytest.approx(circle, abs=1e-6)
+
+
+def test_a_file_that_is_a_scene_has_its_own_source(tmp_path: Path) -> None:
+    """And scene.blend or scene.glb stands for its folder, another name for itself."""
+    for name in ("a.BLEND", "b.GLB", "scene.glb", "notes.txt"):
+        (tmp_path / name).write_bytes(b"BLENDER")
+    assert is_scene_file(tmp_path / "a.BLEND")
+    assert not is_scene_file(tmp_path / "notes.txt")
+    assert not is_scene_file(tmp_path / "absent.blend")
+    assert file_source(tmp_path / "a.BLEND", "glb") == "blend"
+    assert file_source(tmp_path / "b.GLB", "blend") == "glb"
+    assert file_source(tmp_path, "glb") == "glb"
+    folder, source = scene_at(tmp_path / "scene.glb", "blend")
+    assert (folder.path, folder.lone, source) == (tmp_path.resolve(), None, "glb")
+    folder, source = scene_at(tmp_path / "b.GLB", "blend")
+    assert (folder.lone, source) == ("b.GLB", "glb")
