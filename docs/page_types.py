@@ -14,6 +14,7 @@ from typing import Any, Final
 import msgspec
 
 from legoworld.records import report_page, report_reconstruction, report_tables
+from legoworld.report.page_file import SECTION_FIELDS
 
 OUTPUT: Final = Path(__file__).parents[1] / "tools" / "page" / "records.d.ts"
 #: What a page's scripts get; what these name comes along.
@@ -30,10 +31,6 @@ ROOTS: Final = (
     report_reconstruction.BenchCell,
     report_reconstruction.CaseLine,
 )
-#: A section as page_file.py hands it to the scripts.
-SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
-                         "errors", "images", "names", "bench", "pixels", "cohorts",
-                         "tags")  # fmt: skip
 _PLAIN: Final = {
     msgspec.inspect.StrType: "string",
     msgspec.inspect.IntType: "number",

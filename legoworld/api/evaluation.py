@@ -19,7 +19,7 @@ from legoworld.api.folders import parse_place, read_from, written_whole
 from legoworld.api.listener import SILENT, Listener
 from legoworld.errors import LegoWorldError, UsageError
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
-from legoworld.evaluation.family import EvaluationFamily, EvaluationRequest, Origins
+from legoworld.evaluation.family import EvaluationRequest, Origins, load_evaluation_family
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
 from legoworld.records.evaluation_summary import Coverage, Summary
@@ -313,13 +313,12 @@ class _Request:
             run = read_run(here)
             _refuse_other("run", source, run.task, task)
             listener.total(len(run.images))
-            family = find_family(run.task)
-            summary = family.load("evaluation", EvaluationFamily).evaluate(
+            summary = load_evaluation_family(run.task).evaluate(
                 EvaluationRequest(
                     run=run,
                     truth=truth,
                     output=folder,
-                    draws=self.draws or family.draws,
+                    draws=self.draws or find_family(run.task).draws,
                     seed=self.seed,
                     options=options_by_task([run.task], **given)[run.task],
                     overwrite=self.overwrite,

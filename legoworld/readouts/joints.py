@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.files import Json, as_unicode
-from legoworld.records.joints import JOINT_TYPES, JointType, SceneJoint, Vector
+from legoworld.records.joints import JOINT_TYPES, JointType, SceneJoint
+from legoworld.records.track import Vector
 from legoworld.scene.affine import cam_from_mesh, transform_points, unit
 from legoworld.scene.folder import SceneFolder
 from legoworld.scene.requests import JointFact

@@ -5,17 +5,12 @@ from __future__ import annotations
 from typing import Final, Literal
 
 from legoworld.records.base import Record
+from legoworld.records.track import Motion, Vector
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: Final[tuple[JointType, ...]] = ("revolute", "continuous", "prismatic")
-Vector = tuple[float, float, float]
-#: (4, 4) rows; OpenCV camera axes to Blender's world, rotation of unit scale, metres.
-Pose = tuple[
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-]
+#: OpenCV camera axes to Blender's world, rotation of unit scale.
+Pose = Motion
 
 
 class SceneJoint(Record, frozen=True, kw_only=True):

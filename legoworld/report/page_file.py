@@ -38,7 +38,7 @@ MARK: Final = "<!doctype html>\n<!-- legoworld report -->"
 #: three.js with what the page uses of it; tools/page builds it, a test holds it to that.
 THREE: Final = "three.bundle.js"
 #: What the scripts know of a section.
-_FOR_SCRIPTS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
+SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "plots", "categories",
                        "errors", "images", "names", "bench", "pixels", "cohorts",
                        "tags")  # fmt: skip
 
@@ -179,7 +179,7 @@ def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:
 
 
 def _for_scripts(section: PageSection) -> dict[str, Any]:
-    given = {name: getattr(section, name) for name in _FOR_SCRIPTS}
+    given = {name: getattr(section, name) for name in SECTION_FIELDS}
     return given | {"names": section.names or {}}
 
 

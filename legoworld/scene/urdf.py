@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from legoworld.errors import SceneInvalidError
-from legoworld.records.joints import JOINT_TYPES, JointType, Vector
+from legoworld.records.joints import JOINT_TYPES, JointType
+from legoworld.records.track import Vector
 
 Rows = tuple[tuple[float, float, float, float], ...]
 

@@ -12,11 +12,14 @@ import pytest
 pytestmark = pytest.mark.blender
 
 SCENES = """
-def simulated(made):
-    tree = bpy.data.node_groups.new("Remembers", "GeometryNodeTree")
+def geometry_tree(name):
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    return tree, tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+
+def simulated(made):
+    tree, first, last = geometry_tree("Remembers")
     before = tree.nodes.new("GeometryNodeSimulationInput")
     after = tree.nodes.new("GeometryNodeSimulationOutput")
     before.pair_with_output(after)
@@ -91,10 +94,7 @@ def waved(made):
     bpy.context.scene.frame_set(40, subframe=0.5)
 
 def clocked(made):
-    tree = bpy.data.node_groups.new("Clock", "GeometryNodeTree")
-    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    tree, first, last = geometry_tree("Clock")
     time = tree.nodes.new("GeometryNodeInputSceneTime")
     move = tree.nodes.new("GeometryNodeTransform")
     tree.links.new(first.outputs[0], move.inputs[0])

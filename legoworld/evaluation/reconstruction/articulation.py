@@ -27,7 +27,8 @@ from legoworld.records.bench_dataset import (
     Outcome,
     ReferenceJoint,
 )
-from legoworld.records.joints import JOINT_TYPES, SceneJoint, Vector
+from legoworld.records.joints import JOINT_TYPES, SceneJoint
+from legoworld.records.track import Vector
 from legoworld.shipped import catalog
 
 _CARD: Final = "pilots/articulation"

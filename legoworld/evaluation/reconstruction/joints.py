@@ -23,8 +23,8 @@ from legoworld.evaluation.reconstruction.reference import Reference
 from legoworld.evaluation.reconstruction.submission import Surface
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.bench_dataset import Articulation, ReferenceJoint
-from legoworld.records.joints import Vector
 from legoworld.records.submission import BenchRow
+from legoworld.records.track import Vector
 
 
 def not_valid(case: BenchCase) -> Articulation | UnsetType:
