@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
+import sys
 from typing import Any, Final
 
 import click
@@ -71,17 +73,31 @@ def name_of(words: tuple[str, ...]) -> str:
     return OTHER_NAMES.get(" ".join(words), "_".join(words))
 
 
-def arguments(function: Any) -> dict[str, Any]:
-    """The function's parameters with their defaults, those of an unpacked TypedDict, too."""
-    found = {}
+def arguments(function: Any) -> dict[str, tuple[Any, str]]:
+    """Default and type of the function's parameters, those of an unpacked TypedDict, too.
+
+    A type is its source text; a Literal's alias is written out, as an alias of a module is.
+    """
+    found: dict[str, tuple[Any, str]] = {}
+    names = inspect.unwrap(function).__globals__
     for name, one in inspect.signature(function).parameters.items():
         if one.kind is not inspect.Parameter.VAR_KEYWORD:
-            found[name] = one.default
+            found[name] = one.default, type_text(one.annotation, names)
             continue
-        told = re.match(r"Unpack\[(\w+)\]", str(one.annotation))
-        kind = inspect.unwrap(function).__globals__[told[1]] if told else HarborOptions
-        found |= {key: getattr(kind, key, NONE) for key in kind.__annotations__}
+        unpacked = re.match(r"Unpack\[(\w+)\]", str(one.annotation))
+        kind = names[unpacked[1]] if unpacked else HarborOptions
+        module = vars(sys.modules[kind.__module__])
+        for key, annotation in kind.__annotations__.items():
+            text = getattr(annotation, "__forward_arg__", annotation)
+            found[key] = getattr(kind, key, NONE), type_text(text, module)
     return found
+
+
+def type_text(annotation: str, names: dict[str, Any]) -> str:
+    """The annotation, with an alias of a Literal in its place."""
+    alias, *optional = annotation.split(" | ")
+    written = str(names.get(alias, alias)).removeprefix("typing.")
+    return " | ".join([written if written.startswith("Literal") else alias, *optional])
 
 
 def test_every_command_is_a_function_or_one_of_those_that_need_none():
@@ -104,11 +120,33 @@ def test_every_option_is_an_argument_with_the_same_default(words):
     assert missing == set()
     context = click.Context(command_of(words))
     for option, parameter in offered.items():
-        default = taken.get(other.get(option, option), NONE)
+        default, _ = taken.get(other.get(option, option), (NONE, ""))
         if default is NONE or "UNSET" in str(parameter.default) or option == "cache":
             continue  # required, a TypedDict's, or of two options
         offered_default = parameter.type_cast_value(context, parameter.default)
         assert (offered_default or None) == (default or None) or str(offered_default) == default
+
+
+#: What an option of a simple type is on the command line.
+KINDS: Final = {
+    "bool": click.types.BoolParamType, "int": click.types.IntParamType,
+    "float": click.types.FloatParamType, "Literal": click.Choice,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", WITH_FUNCTION, ids=" ".join)
+def test_every_option_has_the_type_of_its_argument(words):
+    taken = arguments(getattr(legoworld, name_of(words)))
+    for parameter in command_of(words).params:
+        _, text = taken.get(str(parameter.name), (NONE, ""))
+        kind = re.match(r"bool|int|float|Literal", text.removeprefix("Sequence["))
+        if kind is None or text.startswith("bool | str"):
+            continue
+        assert isinstance(parameter.type, KINDS[kind[0]]), parameter.name
+        assert parameter.multiple == text.startswith("Sequence["), parameter.name
+        if isinstance(parameter.type, click.Choice):
+            listed = ast.literal_eval(text[len("Literal") :].removesuffix(" | None"))
+            assert list(parameter.type.choices) == listed, parameter.name
 
 
 def test_the_page_names_every_function_and_every_command_without_one():
