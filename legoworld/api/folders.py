@@ -8,15 +8,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from legoworld.api.listener import Listener
 from legoworld.errors import UsageError
+from legoworld.pluralize import first_few, plural
 from legoworld.remote import Place, fetch_folder, is_url, publish_folder
 from legoworld.scene.cache import default_cache_folder, unwritable, why_unwritable
+from legoworld.tracks.track import folders_without_scene
 from legoworld.workers.scratch import scratch_folder
 
 
 def parse_place(folder: str | Path) -> Place:
     """A path or URL in the form the rest of the package takes."""
     return folder if isinstance(folder, str) and is_url(folder) else Path(folder)
+
+
+def note_folders_without_scene(scenes: Path, listener: Listener) -> None:
+    """Name the folders that a track would have made rows of: without one they are no scenes."""
+    bare = folders_without_scene(scenes)
+    if bare:
+        held = plural(len(bare), "folder holds", "folders hold")
+        listener.notice(
+            f"{held} files of a scene but no scene.blend or scene.glb: {first_few(bare, 3)}"
+        )
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from legoworld.api.arguments import check_arguments
 from legoworld.api.by_task import ByTask, refuse_result_at, task_folder
-from legoworld.api.folders import parse_place, written_at
+from legoworld.api.folders import note_folders_without_scene, parse_place, written_at
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import (
     MEMORY_LIMIT_GIB,
@@ -23,7 +23,6 @@ from legoworld.api.settings import (
     tracks_by_task,
 )
 from legoworld.errors import CatalogError, UsageError
-from legoworld.pluralize import first_few, plural
 from legoworld.readouts.family import protocol
 from legoworld.records.base import as_json
 from legoworld.records.folders.read_run import CONFIGURATION, RUN
@@ -36,7 +35,7 @@ from legoworld.running.scene_pass import PassRequest, read_scenes
 from legoworld.scene.blender_process import BlenderProcess
 from legoworld.scene.folder import BLEND, GLB, Source, file_source, is_scene_file
 from legoworld.tasks.registry import options_by_task
-from legoworld.tracks.track import Track, TrackImage, folders_without_scene, make_folder_track
+from legoworld.tracks.track import Track, TrackImage, make_folder_track
 from legoworld.workers.engines import EngineName, engine_cores
 
 if TYPE_CHECKING:
@@ -203,7 +202,7 @@ def readout(
     for folder in folders.values():
         _refuse_output_in_a_scene(folder, place)
     if track is None and shard is None and isinstance(place, Path):
-        _note_folders_without_scene(place, listener)
+        note_folders_without_scene(place, listener)
     stored = snapshot_cache(cache)
     with ExitStack() as written:
         runs = []
@@ -305,16 +304,6 @@ def _strangers(scenes: Place, track: Track) -> list[Stranger]:
         return []  # no scene at all: every row of the run reports it
     known = [image.scene for image in track.images]
     return strangers(folders, known, [name for name in known if name not in folders])
-
-
-def _note_folders_without_scene(scenes: Path, listener: Listener) -> None:
-    """Name the folders that a track would have made rows of: here they are no images."""
-    bare = folders_without_scene(scenes)
-    if bare:
-        held = plural(len(bare), "folder holds", "folders hold")
-        listener.notice(
-            f"{held} files of a scene but no scene.blend or scene.glb: {first_few(bare, 3)}"
-        )
 
 
 def _refuse_output_in_a_scene(output: Place, scenes: Place) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from legoworld.api import settings
 from legoworld.api.arguments import check_arguments
+from legoworld.api.folders import note_folders_without_scene
 from legoworld.api.listener import SILENT, Listener
 from legoworld.api.settings import MEMORY_LIMIT_GIB, TIME_LIMIT_S, make_limits
 from legoworld.errors import UsageError
@@ -74,6 +75,7 @@ def freeze(
 
     A scene that fails a check is a row whose status is not "ok". Arguments: as in `readout`.
     """
+    note_folders_without_scene(Path(scenes), listener)
     return freeze_scenes(
         Path(scenes),
         engine=engine,

@@ -11,6 +11,7 @@ import pytest
 
 from legoworld.api.listener import Listener
 from legoworld.api.readout import readout
+from legoworld.api.scene_folders import freeze
 from legoworld.errors import SceneInvalidError, SceneMissingError
 from legoworld.scene.artefacts import check_picture, without_metadata
 from legoworld.scene.folder import SceneFolder, find_scene
@@ -71,7 +72,8 @@ def test_folders_of_a_scene_without_its_file_are_named_where_no_track_names_them
     heard = Listener(notice=notices.append)
     run = readout(tmp_path, tmp_path / "run", task="coco", source="glb", listener=heard)
     assert [row.scene for row in run.rows] == ["good"]
-    assert notices == [
+    assert [row.scene for row in freeze(tmp_path, listener=heard)] == ["good"]
+    assert notices == 2 * [
         "2 folders hold files of a scene but no scene.blend or scene.glb: bare, folder"
     ]
 

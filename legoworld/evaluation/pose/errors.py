@@ -98,12 +98,6 @@ def drawn_depth(model: Model, pose: Floats, photo: Photo) -> Floats:
     return depth
 
 
-def visible_to_bop(photo: Photo, drawn: Floats) -> NDArray[np.bool_]:
-    """(H, W) pixels of a drawn model's depth that lie at most 15 mm behind what was measured."""
-    k = photo.intrinsics
-    return visible_bop19(_distances(photo.depth_mm, k), _distances(drawn, k))
-
-
 def symmetries(info: Mapping[str, Any]) -> Floats:
     """(S, 3, 4) of an entry of models_info.json: discrete ones, turned by steps of continuous."""
     discrete = [np.eye(3, 4)]

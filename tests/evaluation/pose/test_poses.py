@@ -18,7 +18,6 @@ from legoworld.evaluation.pose.errors import (
     mspd,
     mssd,
     symmetries,
-    visible_to_bop,
     vsd,
 )
 from legoworld.evaluation.pose.folder import BopFolder, PoseInputError, read_ply, read_results
@@ -70,14 +69,6 @@ def test_a_symmetric_object_turned_into_itself_is_not_off(info):
     assert mssd(model(), turned, pose()) == pytest.approx(100)
     assert mssd(model(**info), turned, pose()) == pytest.approx(0, abs=0.6)
     assert mspd(model(**info), turned, pose(), photo()) == pytest.approx(0, abs=0.2)
-
-
-def test_what_is_visible_by_bop_s_rule():
-    """10 mm behind a sheet of paper is visible; nothing measured hides nothing."""
-    far = Photo(intrinsics=np.diag([1e9, 1e9, 1.0]), depth_mm=np.array([[0.0, 500, 500, 900]]))
-    drawn = np.array([[510.0, 510, 520, 900]])
-    assert visible_to_bop(far, drawn).tolist() == [[True, True, False, True]]
-    assert visible_to_bop(far, np.zeros((1, 4))).tolist() == [[False] * 4]
 
 
 def plain_vsd(mine, theirs, measured, diameter, tau, delta=15.0):
