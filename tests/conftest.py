@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import importlib.util
 import os
 import signal
 import tempfile
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,21 @@ def pytest_configure(config: pytest.Config) -> None:
     package = Path(legoworld.__file__).parent
     if "LEGOWORLD_CHECKOUT" in os.environ and package.is_relative_to(CHECKOUT / "legoworld"):
         pytest.exit(f"the tests of the wheel import {package}, not an installation", returncode=3)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Generator[None, Any, Any]:
+    """The first of several processes collects alone: it compiles the modules that all import."""
+    if not hasattr(session.config, "workerinput"):
+        return (yield)
+    own_folder = Path(session.config.option.basetemp)  # each worker's, in that of the whole run
+    with own_folder.with_name("collected").open("a") as collected:
+        fcntl.flock(collected, fcntl.LOCK_EX)
+        if own_folder.with_name("collected").stat().st_size:
+            fcntl.flock(collected, fcntl.LOCK_UN)
+        result = yield
+        collected.write("once\n")
+    return result
 
 
 @pytest.hookimpl(tryfirst=True)
