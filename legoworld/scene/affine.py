@@ -26,7 +26,7 @@ def cam_from_mesh(camera: SceneCamera, world_from_mesh: NDArray[np.float64]) -> 
 
 
 def inverse(m: Rows) -> Rows:
-    """The inverse of a 3 x 3 matrix by cofactors. Raises ZeroDivisionError if singular."""
+    """The inverse of a matrix's left 3 x 3 by cofactors. ZeroDivisionError if singular."""
     cofactors = [
         [
             m[(r + 1) % 3][(c + 1) % 3] * m[(r + 2) % 3][(c + 2) % 3]

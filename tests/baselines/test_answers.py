@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 import queue
+from collections import deque
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -180,6 +181,20 @@ def test_a_line_that_is_too_long_is_an_answer_where_it_begins_as_one(monkeypatch
     assert message.reason.startswith("a line of more than ")
     assert end is None
     assert log == ["x" * (1 << 10), "1}"]
+
+
+def test_a_log_line_of_any_length_is_passed_on_in_pieces_of_64_ki():
+    process = child.BaselineProcess.__new__(child.BaselineProcess)
+    log: list[str] = []
+    words = "é" * 200_000
+    vars(process).update(
+        _pipes=SimpleNamespace(stderr=io.BytesIO(f"{words}\n\nlast\n".encode())),
+        _tail=deque(), _log=log.append,
+    )  # fmt: skip
+    process._read_log()
+    assert "".join(log) == words + "last"
+    assert [len(piece) for piece in log] == [65536, 65536, 65536, 3392, 4]
+    assert process.last_words() == "last"
 
 
 def test_two_answers_for_an_image_are_none(request_of):

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
+from scene.in_bpy import run_in_bpy
 
 pytestmark = pytest.mark.blender
 
 
 @pytest.fixture(scope="module")
 def told() -> Any:
-    program = Path(__file__).with_name("asked_of_bpy.py")
-    path = os.pathsep.join([str(program.parents[1]), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "PYTHONPATH": path},
-    )
-    return json.loads(done.stdout.splitlines()[-1])
+    return run_in_bpy("asked_of_bpy.py")
 
 
 def test_a_joint_s_frame_is_finite_or_there_is_none(told):

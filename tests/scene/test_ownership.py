@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scene.by_hand import VOCABULARY, HandScene, categories, outside, summary
 
 from legoworld.scene.instances import group
@@ -202,10 +203,14 @@ def test_a_labelled_collection_nested_in_instanced_ones_is_one_instance_per_plac
     assert summary(scene.grouped()) == [("Chair", "chair", ("Leg", "Seat"))] * 6
 
 
-def test_a_collection_that_holds_its_own_instancer_is_one_instance():
+@pytest.mark.parametrize("held_by", ["Oak", "Wood", "Bark"])
+def test_a_collection_that_holds_its_own_instancer_is_one_instance(held_by):
+    """In itself, or in a collection within it."""
     scene = HandScene()
     scene.collection("Oak", category="tree")
-    scene.object("Trunk", makes="VERTS", collections=("Oak",))
+    scene.collection("Wood", "Oak")
+    scene.collection("Bark", "Wood")
+    scene.object("Trunk", makes="VERTS", collections=(held_by,))
     scene.object("Leaf", collections=("Oak",))
     trunk = scene.occurs("Trunk")
     for frame in range(5):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scene.by_hand import RENDER
 from scipy.spatial.transform import Rotation
 
-from legoworld.records.scene_folder import ProgramReport
+from legoworld.records.scene_folder import ProgramError, ProgramReport
 from legoworld.scene import freeze, pictures, urdf
 from legoworld.scene.blender import truncated_output
 from legoworld.scene.folder import (
@@ -346,6 +346,11 @@ def test_a_report_has_so_many_warnings_of_one_line_each(tmp_path):
     assert program_report.read_report(None) == ProgramReport()
     path.write_text(canonical(ProgramReport(at="export", ok=False)))
     assert program_report.read_report(path).reason is not None
+    long = ProgramError(type="t" * 400, message="a\n" + "m" * 400, line=3)
+    path.write_text(canonical(ProgramReport(at="export", ok=True, error=long)))
+    error = program_report.read_report(path).error
+    assert (len(error.type), len(error.message), error.line) == (100, 300, 3)
+    assert error.message.startswith("a mm")
 
 
 @pytest.mark.parametrize("radii", [(0.5, 0.5, 0.2), (0.1, 0.4, 0.4), (0.3, 0.3, 0.0)])

@@ -264,9 +264,8 @@ def _camera_sees(facts: ObjectFacts, holder: ObjectFacts) -> bool:
 
     Only the outermost instancer's collections count, and a holdout is never indirect only.
     """
-    if not facts.camera_sees or not holder.camera_sees:
-        return False
-    return holder.holdout or not holder.indirect
+    seen = facts.camera_sees and holder.camera_sees
+    return seen and (holder.holdout or not holder.indirect)
 
 
 def _owns(real: bpy.types.Object, shown: bpy.types.Object) -> bool:

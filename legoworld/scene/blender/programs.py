@@ -90,9 +90,8 @@ def render_picture(output: Path) -> dict[str, Any]:
     width = render.resolution_x * render.resolution_percentage / 100
     height = render.resolution_y * render.resolution_percentage / 100
     shrink = min(1.0, _PICTURE_MAX_SIDE / max(width, height))
-    render.resolution_x, render.resolution_y = (
-        max(1, round(width * shrink)), max(1, round(height * shrink))
-    )  # fmt: skip
+    # Blender takes no side of less than 4 pixels, and makes it 4.
+    render.resolution_x, render.resolution_y = round(width * shrink), round(height * shrink)
     render.resolution_percentage = 100
     render.engine = "CYCLES"
     render.use_border = render.use_sequencer = render.use_compositing = False

@@ -77,7 +77,7 @@ class Eye:
     def of(cls, cam_from_mesh: NDArray[np.float64], ortho_scale: float | None) -> Self | None:
         """None for a singular transform: Cycles then draws nothing."""
         try:
-            inverse(cam_from_mesh[:, :3].tolist())
+            inverse(cam_from_mesh.tolist())
         except ZeroDivisionError:
             return None
         return cls(cam_from_mesh=cam_from_mesh, ortho_scale=ortho_scale)
@@ -89,10 +89,10 @@ class Eye:
 
     def toward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(..., 3) directions, in the object's frame, in which the camera looks at points."""
-        back = np.array(inverse(self.cam_from_mesh[:, :3].tolist()), np.float64)
+        back = np.array(inverse(self.cam_from_mesh.tolist()))
         if self.ortho_scale is not None:
             return np.broadcast_to(back[:, 2], points.shape)
-        origin = -transform_points(np.c_[back, np.zeros(3)], self.cam_from_mesh[:, 3])
+        origin = -transform_points(back, self.cam_from_mesh[:, 3], directions=True)
         return points - origin
 
     def reach(self, points: NDArray[np.float64]) -> NDArray[np.float64]:

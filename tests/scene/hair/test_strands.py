@@ -76,6 +76,17 @@ def test_leaving_steps_out_moves_no_edge_by_more_than_the_tolerance():
         assert off.max() <= TOLERANCE
 
 
+@pytest.mark.parametrize("unit_", [1e-3, 1.0, 1e3])
+def test_steps_do_not_depend_on_the_scene_s_unit(unit_):
+    bend = np.array([(0.002 * y**2, y / 3, 0) for y in range(8)])
+    for scale in np.geomspace(1e-4, 1, 9):
+        curve = bend * (scale, 1, 1)
+        eye = Eye(cam_from_mesh=TEN_BEFORE * (1, 1, 1, unit_), ortho_scale=None)
+        one = nodes(strand(curve, 0.001), EYE, 5, True)
+        other = nodes(strand(curve * unit_, 0.001 * unit_), eye, 5, True)
+        assert other.points == pytest.approx(one.points * unit_)
+
+
 def test_the_spline_goes_through_its_keys_with_their_radii():
     curve = helix()
     curve = replace(curve, radius=np.linspace(0.1, 0.2, 9))
