@@ -19,11 +19,12 @@ import bpy
 from cases.stage import box, camera, collection, fresh, instance_of, link, pixel_camera, square
 from scene.by_hand import CAMERA
 
+from legoworld.errors import LegoWorldError
 from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender import endpoint_calls as calls
 from legoworld.scene.blender.occurrences import Walk, walk
 from legoworld.scene.blender.programs import _run, render_picture
-from legoworld.scene.blender.reference_cases import _Tiers
+from legoworld.scene.blender.reference_cases import _Tiers, _views, read_cases, write_case
 from legoworld.scene.blender.render_state import visit_render_state
 
 
@@ -34,7 +35,7 @@ def main() -> int:
         "pictures": _pictures(),
         "programs": {name: _program(text) for name, text in _PROGRAMS.items()},
         "endpoint": _endpoint(),
-        "tiers": _tiers(),
+        "cases": _cases(),
     }
     print("\n" + json.dumps(told))
     return 0
@@ -218,7 +219,8 @@ def _looks(folder: str) -> Any:
     def look(**asked: Any) -> Any:
         path = Path(folder) / "look.png"
         told = calls.get_viewport_screenshot(str(path), **asked)
-        return [told.pop("width"), told.pop("height"), *struct.unpack(">II", path.read_bytes()[16:24]),
+        written = struct.unpack(">II", path.read_bytes()[16:24])
+        return [told.pop("width"), told.pop("height"), *written,
                 told.pop("filepath") == str(path), told.pop("method"), told]  # fmt: skip
 
     looks = [look(), look(max_size=3), look(max_size=9999)]
@@ -254,19 +256,73 @@ def _exports(folder: str) -> Any:
     return told
 
 
-def _tiers() -> Any:
-    """The tiers of a scene where lights, probes, cameras and speakers alone declare one."""
+def _cases() -> Any:
+    """What a reference scene declares, two of its cases, and what is wrong with six others."""
     fresh()
+    scene = bpy.context.scene
+    for name, view in {"Side": 10, "Top": "2", "Odd": "x", "Plain": None, "Also": 2}.items():
+        camera((0, 0, 5)).name = name
+        if view is not None:
+            bpy.data.objects[name]["view"] = view
+    later, kit = collection("Later", tier="medium", scored=0), collection("Kit", None, tier="hard")
+    square("Base", scored="No")
+    square("Second", collection=later, scored="yes")
+    square("Knob", tier="hard", scored=False).parent = bpy.data.objects["Second"]
+    square("Deep", collection=kit)
+    instance_of(kit, "Place", 0, 0)
+    bpy.data.objects["Knob"]["joint"] = "hinge"
     kinds = {
-        "light": bpy.data.lights.new("l", "POINT"), "probe": bpy.data.lightprobes.new("p", "PLANE"),
-        "camera": bpy.data.cameras.new("c"), "speaker": bpy.data.speakers.new("s"),
+        "Light": bpy.data.lights.new("l", "POINT"), "Probe": bpy.data.lightprobes.new("p", "PLANE"),
+        "Speaker": bpy.data.speakers.new("s"),
     }  # fmt: skip
     for name, data in kinds.items():
         link(bpy.data.objects.new(name, data))["tier"] = "hard"
-    told = [_Tiers(bpy.context.scene).names()]
-    for name in ("easy", "medium", "hard"):
-        square(name, tier=name)
-    return [*told, _Tiers(bpy.context.scene).names()]
+    scene.timeline_markers.new("cut", frame=1).camera = bpy.data.objects["Side"]
+    scene["environment"], scene["theme"], scene["split"] = "indoor", " ", 3
+    scene.render.resolution_percentage = 50
+    with tempfile.TemporaryDirectory() as name:
+        blend = Path(name) / "scene.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+        told = {"declared": read_cases(blend)}
+        for number, (tier, glb) in enumerate((("medium", True), (None, False))):
+            output = Path(name) / str(number)
+            output.mkdir()
+            wanted: Any = {"tier": tier, "view": "Top", "size_wh": (7, 5), "glb": glb}
+            write_case(blend, output, wanted)
+            bpy.ops.wm.open_mainfile(filepath=str(output / "scene.blend"))
+            told[str(tier)] = _case(output)
+    wrong = {
+        "no medium": {"A": "easy", "B": "hard"}, "no hard": {"A": None, "B": "medium"},
+        "unknown": {"A": "huge"}, "number": {"A": 1}, "none": {"A": None}, "no view": {},
+    }  # fmt: skip
+    return told | {"wrong": {name: _refused(tiers) for name, tiers in wrong.items()} | {
+        "earlier than its parent": _refused({"A": "easy", "B": "medium", "C": "hard"}, child=True)
+    }}  # fmt: skip
+
+
+def _case(output: Path) -> Any:
+    scene = bpy.context.scene
+    render = scene.render
+    return {
+        "hidden": sorted(o.name for o in bpy.data.objects if o.hide_render),
+        "camera": [scene.camera.name, [m.camera for m in scene.timeline_markers]],
+        "size": [render.resolution_x, render.resolution_y, render.resolution_percentage],
+        "files": sorted(path.name for path in output.iterdir()),
+        "scenes": len(bpy.data.scenes),
+    }
+
+
+def _refused(tiers: dict[str, Any], *, child: bool = False) -> Any:
+    """What is found wrong with squares of these tiers; the views, where none are given."""
+    fresh()
+    for name, tier in tiers.items():
+        square(name, **({} if tier is None else {"tier": tier}))
+    if child:
+        bpy.data.objects["A"].parent = bpy.data.objects["C"]
+    try:
+        return _Tiers(bpy.context.scene).names() if tiers else _views(bpy.context.scene)
+    except LegoWorldError as error:
+        return [error.code, error.found]
 
 
 if __name__ == "__main__":

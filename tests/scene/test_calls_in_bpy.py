@@ -121,5 +121,34 @@ def test_an_endpoint_exports_all_or_what_is_chosen_with_its_children(told):
     assert exports["all"] == {"selection_only": False, "exported": last, "nodes": last}
 
 
-def test_lights_cameras_and_speakers_have_no_tier(told):
-    assert told["tiers"] == [[None], ["easy", "medium", "hard"]]
+def test_a_reference_scene_declares_its_cases(told):
+    (joint,) = told["cases"]["declared"].pop("joints")
+    assert (joint["object"], joint["parent"], joint["text"]) == ("Knob", "Second", "hinge")
+    assert told["cases"]["declared"] == {
+        "environment": "indoor", "theme": None, "split": None,
+        "views": ["Odd", "Also", "Top", "Side"],  # by number, then by name
+        "tiers": ["easy", "medium", "hard"],
+        "unscored": ["Base", "Knob", "Later"],
+    }  # fmt: skip
+
+
+def test_a_case_hides_what_later_tiers_add(told):
+    both = {"camera": ["Top", [None]], "size": [7, 5, 100], "scenes": 1}
+    assert told["cases"]["medium"] == {
+        **both, "hidden": ["Deep", "Knob"], "files": ["scene.blend", "scene.glb"]
+    }  # fmt: skip
+    assert told["cases"]["None"] == {**both, "hidden": [], "files": ["scene.blend"]}
+
+
+def test_what_is_wrong_with_tiers_is_named(told):
+    wrong = told["cases"]["wrong"]
+    assert wrong.pop("none") == [None]
+    assert wrong.pop("no view")[0] == "no_camera"
+    assert {code for code, _ in wrong.values()} == {"tiers_not_nested"}
+    assert {name: found for name, (_, found) in wrong.items()} == {
+        "no medium": "medium has the objects of easy and no other",
+        "no hard": "hard has the objects of medium and no other",
+        "unknown": "'A' is of tier 'huge'",
+        "number": "'A' is of tier '1'",
+        "earlier than its parent": "'A' is of tier easy, and 'C', which holds it, of hard",
+    }
