@@ -171,6 +171,34 @@ def test_round_tubes_stay_as_close_to_a_cylinder_as_declared():
     assert outside == pytest.approx(2 / (1 + np.cos(np.pi / 4)) - 1, rel=1e-3)
 
 
+def test_a_tube_is_whole():
+    """All around each piece of a strand, and all of each ball of a linear one."""
+    straight = strand([(0, y, 0) for y in (-2, 0, 1, 3)], 0.25)
+    walls = 2 * np.pi * 0.25 * 5
+    assert area(round_tubes(straight, EYE)) == pytest.approx(walls, rel=2e-3)
+    balls = 4 * 4 * np.pi * 0.25**2
+    assert area(linear_tubes(straight, EYE)) == pytest.approx(walls + balls, rel=2e-3)
+    thin = linear_tubes(strand([(0, 0, 0), (0, 1, 0)], 1e-6), EYE)
+    assert len(thin[1]) == 2 * 4 + 2 * 20  # four sides and two icosahedra
+
+
+def test_a_straight_strand_beside_a_bent_one_has_a_ring_at_each_key_alone():
+    bent, straight = helix(), strand([(0, y, 0) for y in range(5)], 0.001)
+    both = Strands(
+        points=np.concatenate([bent.points, straight.points]),
+        radius=np.concatenate([bent.radius, straight.radius]),
+        start=np.array([0, 9, 14]),
+    )
+    more = len(round_tubes(both, EYE)[1]) - len(round_tubes(bent, EYE)[1])
+    assert more == 4 * 2 * _sides(both, EYE)
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_no_strand_is_no_surface(make):
+    none = usable(np.zeros((1, 3)), np.ones(1), np.array([0, 1]))
+    assert [part.shape for part in make(none, EYE)] == [(0, 3), (0, 3)]
+
+
 @pytest.mark.parametrize("share", [1e-6, 1.001e-5, 1e-4, 4e-4, 1e-3, 2e-3, 0.5])
 def test_a_ring_has_as_many_sides_as_the_tolerance_asks_for(share):
     sides = _sides(strand([(0, 0, 0), (0, 1, 0)], 8.0 * share), FLAT_EYE)
