@@ -5,7 +5,6 @@ Compressed counts are texts; many are kept in one block of memory.
 
 from __future__ import annotations
 
-import ctypes
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as _mask
 
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 from legoworld.files import Json
 
 #: Number of positions looked up together.
@@ -200,11 +199,7 @@ def measure_masks(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.
     for first in range(0, len(texts), _MOST_MEASURED):
         end = min(first + _MOST_MEASURED, len(texts))
         text, start = texts.piece(first, end)
-        done = library().lw_measure_masks(
-            ctypes.c_char_p(text), pointer(start), ctypes.c_int64(end - first),
-            pointer(covered[first:]), pointer(area[first:]),
-        )  # fmt: skip
-        check(done)
+        call("lw_measure_masks", text, start, end - first, covered[first:], area[first:])
     return covered, area
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -36,7 +35,7 @@ from legoworld.evaluation.detection.payloads.payload import (
     Payload,
     Row,
 )
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 from legoworld.records.base import UnsetType
 from legoworld.records.evaluation_view import Segmentation, TrueImage
 from legoworld.records.predictions import MaskPrediction, Rle
@@ -105,12 +104,10 @@ def _overlaps(chunk: Chunk) -> Overlaps:
     texts, start = joined_texts([text.encode("ascii") for text in chunk.shapes])
     true_text, true_start = joined_texts(true_texts)
     crowd = np.ascontiguousarray(chunk.truths.crowd)
-    done = library().lw_overlap_masks(
-        ctypes.c_char_p(texts), pointer(start), ctypes.c_char_p(true_text), pointer(true_start),
-        pointer(first_detection), pointer(first_truth), pointer(height),
-        ctypes.c_int64(len(height)), pointer(crowd), pointer(iou),
+    call(
+        "lw_overlap_masks", texts, start, true_text, true_start, first_detection, first_truth,
+        height, len(height), crowd, iou,
     )  # fmt: skip
-    check(done)
     _, area = measure_masks(chunk.shapes)
     return Overlaps(iou=iou, area=area)
 

@@ -29,7 +29,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
-from legoworld.evaluation.kernels.library import category_threads, check, library, pointer, pointers
+from legoworld.evaluation.kernels.library import call, category_threads, pointer, pointers
 from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Ties
 
@@ -76,10 +76,7 @@ def random_orders(
     drawn = _RandomStruct(bits.ctypes.bit_generator.value, *_distributions())
     columns = [np.ascontiguousarray(c, np.int64) for c in (start, plain_in, plain_before)]
     runs = _RunsStruct(*(pointer(c) for c in columns), len(plain_in))
-    done = library().lw_random_orders(
-        ctypes.byref(drawn), ctypes.byref(runs), ctypes.c_int64(n), pointer(order), pointer(plain)
-    )
-    check(done)
+    call("lw_random_orders", drawn, runs, n, order, plain)
     return order, plain
 
 
