@@ -26,7 +26,7 @@ from legoworld.comparison.make_comparison import join_folders
 from legoworld.comparison.verdict import noun
 from legoworld.comparison.verification import _agrees, verify_comparison
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.detection.matching import matches_file
+from legoworld.evaluation.detection.matching import outcomes
 from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
@@ -356,7 +356,7 @@ def test_a_side_without_predictions_has_no_score_free_numbers_and_no_intervals(t
 
 def test_the_matches_of_some_images_are_those_rows_of_every_column(made):
     side = read_evaluation(made / "c" / "baseline" / "eval")
-    table = matches_file.table_from(side.matches, matches_file.OWN)
+    table = outcomes.table_from(side.matches, outcomes.OWN)
     kept = np.arange(len(table.image_ids)) % 3 != 1
     some = restrict_table(table, kept)
     rows, cells = kept[table.image], kept[table.truth_image]

@@ -18,9 +18,9 @@ from legoworld.evaluation.detection.inputs.predictions import (
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import Truth, read_truth
-from legoworld.evaluation.detection.matching import matches_file
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE
+from legoworld.evaluation.detection.matching import outcomes
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
+from legoworld.evaluation.detection.matching.outcomes import FALSE_POSITIVE
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Ints
 from legoworld.evaluation.detection.protocols import DetectionProtocol, detection_protocol
@@ -61,8 +61,8 @@ from legoworld.records.evaluation_summary import (
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 
 
-def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSummary]:
-    """Score a coco or lvis run and write the evaluation folder.
+def evaluate_detections(request: EvaluationRequest) -> DetectionSummary:
+    """Score a coco or lvis run and write the evaluation folder; return its summary.
 
     The option evaluator: None for the official one where it is installed, else the fast one. Any
     pool gives the same bytes. Every LegoWorldError is raised before anything is written.
@@ -102,11 +102,11 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
         inputs=inputs,
         per_image=per_image_rows(run, predictions, own, sums),
         per_category=per_category_rows(truth, own),
-        matches=matches_file.pack_matches(own, equal),
+        matches=outcomes.pack_matches(own, equal),
         view={**views(truth, predictions, own), "run.json": run_view(run)},
     )
     write_evaluation(request.output, evaluation, overwrite=request.overwrite)
-    return evaluation
+    return summary
 
 
 def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:

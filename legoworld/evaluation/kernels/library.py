@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.visibility.library import open_library
-from legoworld.workers.processors import usable_cores
 
 _NO_MEMORY: Final = 1
-_MOST_THREADS: Final = 8
 
 
 @functools.cache
@@ -56,8 +53,3 @@ def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
 def pointers(*names: str) -> list[tuple[str, type[ctypes.c_void_p]]]:
     """Fields of a structure that point to arrays."""
     return [(name, ctypes.c_void_p) for name in names]
-
-
-def category_threads() -> ThreadPoolExecutor:
-    """A pool with one thread per core. Its results are added in category order."""
-    return ThreadPoolExecutor(min(_MOST_THREADS, usable_cores()))

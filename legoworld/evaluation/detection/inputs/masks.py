@@ -108,20 +108,11 @@ class EncodedMask(TypedDict):
     counts: bytes
 
 
-#: (n, 4) boxes x, y, w, h, or n compressed masks.
-Shapes = NDArray[np.float64] | list[EncodedMask]
-
-
 def areas_px(masks: Sequence[EncodedMask]) -> NDArray[np.float64]:
     """(n,) pixels of compressed masks."""
     parts = [_API.area(list(masks[i : i + _MOST_AREAS])) for i in range(0, len(masks), _MOST_AREAS)]
     areas: NDArray[np.float64] = np.concatenate([*parts, np.empty(0)]).astype(np.float64)
     return areas
-
-
-def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArray[np.float64]:
-    """(detections, truths) IoU, at least one of each; of crowds, the detection's share."""
-    return np.asarray(_API.iou(detections, truths, list(crowd)), np.float64)
 
 
 def union(masks: Sequence[EncodedMask]) -> EncodedMask:

@@ -16,7 +16,6 @@ from legoworld.evaluation.detection.inputs.masks import (
     covers,
     joined_texts,
     measure_masks,
-    overlaps,
     union,
 )
 from legoworld.evaluation.detection.inputs.prediction_checks import unusable_mask
@@ -28,6 +27,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order, without_empty
 from legoworld.evaluation.detection.inputs.truth_checks import check_masks
+from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.payload import (
     Checking,
     Outline,
@@ -145,7 +145,7 @@ MASKS: Final = Payload(
     pack_shapes=tuple,
     overlaps=_overlaps,
     shape=_shape,
-    compare_shapes=overlaps,
+    compare_shapes=BOXES.compare_shapes,
     enclose_shapes=union,
     outline=_outline,
 )

@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 from legoworld.evaluation.detection.problem import Floats, Ints
 from legoworld.evaluation.kernels.library import call, library, pointer, pointers
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import InstallationError
-from legoworld.evaluation.detection.matching.greedy import (
+from legoworld.evaluation.detection.matching.outcomes import (
     FALSE_POSITIVE,
     IGNORED,
     TRUE_POSITIVE,
@@ -29,9 +29,10 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
-from legoworld.evaluation.kernels.library import call, category_threads, pointer, pointers
+from legoworld.evaluation.kernels.library import call, pointer, pointers
 from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Ties
+from legoworld.workers.processors import core_threads
 
 Counts = NDArray[np.int32]
 
@@ -177,7 +178,7 @@ def _mean_over_categories(
         return of_category(k, ranking, int(n_truths[k]))
 
     total = np.zeros(n_values)
-    with category_threads() as pool:
+    with core_threads() as pool:
         # Added in category order: order-independent, bit-identical.
         for values in pool.map(category_values, scored):
             total += values
