@@ -9,11 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.masks import (
-    EncodedMask,
-    from_pixels,
-    to_pixels,
-)
+from legoworld.evaluation.detection.inputs.masks import EncodedMask, from_pixels, to_pixels
 from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
