@@ -31,7 +31,6 @@ from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
 from legoworld.records.base import decode
-from legoworld.records.detection import DetectionMethod
 from legoworld.records.evidence import AnyEvidence, ComparisonEvidence
 
 NOTHING = AnyEvidence(kind="comparison", configuration={}, versions={}, inputs=(), files={})
@@ -431,9 +430,7 @@ def test_two_documents_agree_up_to_rounding(computed, recorded, said):
 
 def test_a_write_that_fails_leaves_no_evidence_of_the_earlier_one(made, tmp_path, monkeypatch):
     document = read_document(made / "coco")
-    evidence = decode(
-        ComparisonEvidence[DetectionMethod], (made / "coco" / "evidence.json").read_bytes()
-    )
+    evidence = decode(ComparisonEvidence, (made / "coco" / "evidence.json").read_bytes())
     write_comparison(tmp_path, document, evidence, overwrite=False)
     assert (tmp_path / "evidence.json").read_bytes() == (made / "coco/evidence.json").read_bytes()
 

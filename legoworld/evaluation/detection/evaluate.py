@@ -35,7 +35,7 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
+from legoworld.evaluation.family import EvaluationRequest, make_configuration, prepare_inputs
 from legoworld.evaluation.run import Run, read_predictions, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
@@ -71,12 +71,8 @@ def evaluate_detections(request: EvaluationRequest) -> DetectionSummary:
     protocol = detection_protocol(run.task)
     kind = request.options.get("evaluator") or default_evaluator(protocol, request.warn)
     truth = read_truth(request.truth, protocol, run)
-    configuration = DetectionConfiguration(
-        task=run.task,
-        evaluator=kind,
-        draws=draws,
-        seed=request.seed,
-        card_sha256=protocol.card.sha256,
+    configuration = make_configuration(
+        request, protocol.card, DetectionConfiguration, evaluator=kind
     )
     inputs = prepare_inputs(request, [("truth", request.truth), *run.inputs], configuration)
     notice("checking the predictions")
