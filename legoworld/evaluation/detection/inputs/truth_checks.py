@@ -114,7 +114,7 @@ def check_annotations(
     refuse(_key_fault("id"), "an integer id")
     _refuse_repeats(name, objects)
     refuse(_key_fault("image_id"), "the integer id of its image")
-    if not {a["image_id"] for a in objects} <= images.keys():
+    if any(a["image_id"] not in images for a in objects):
         refuse(
             lambda a: None if a["image_id"] in images else "no such image",
             f"the id of one of the file's {plural(len(images), 'image', 'images')}",
