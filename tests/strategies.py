@@ -14,8 +14,12 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import N_THRESHOLDS
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matches import Chunk
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 from legoworld.evaluation.detection.payloads.payload import Overlaps
 
 Array = NDArray[Any]

@@ -54,7 +54,7 @@ def main() -> int:
         request = EvaluationRequest(
             run=read_run(run), truth=file, output=Path(folder, "e"), draws=args.draws
         )
-        summary = evaluate_detections(request).summary
+        summary = evaluate_detections(request)
         print(f"    evaluate     {time.process_time() - begin:7.2f} CPU s")
     if list(summary.official) != official:
         raise SystemExit("the numbers differ")

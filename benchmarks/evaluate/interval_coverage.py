@@ -26,8 +26,8 @@ from legoworld.evaluation.detection.inputs.predictions import (
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
-from legoworld.evaluation.detection.matching.greedy import MatchTable, match_table
 from legoworld.evaluation.detection.matching.matches import match_states
+from legoworld.evaluation.detection.matching.outcomes import MatchTable, match_table
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics

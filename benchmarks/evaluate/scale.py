@@ -33,9 +33,9 @@ from legoworld.evaluation.detection.inputs.predictions import (
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import read_truth
-from legoworld.evaluation.detection.matching.greedy import match_table
 from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
 from legoworld.evaluation.detection.matching.matches import match_and_pair
+from legoworld.evaluation.detection.matching.outcomes import match_table
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value

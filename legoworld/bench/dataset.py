@@ -22,6 +22,7 @@ from legoworld.records.second_card import BenchXFile, BenchXImage, BenchXInfo
 from legoworld.records.track import CategoryInfo
 from legoworld.scene.blender_process import Limits
 from legoworld.scene.folder import find_scene
+from legoworld.tasks.shipped import BENCH, BENCH_X
 from legoworld.tracks.track import make_folder_track
 from legoworld.visibility.scoring_raster import POINT_CAP
 from legoworld.workers.engines import ENGINES, EngineName, Job
@@ -160,17 +161,17 @@ def _files(
         for number, (case, family) in enumerate(cases, start=1)
     )
     names = sorted({o.category for case, _ in cases for o in case.truth.scored})
-    version = load_card("bench").version
+    version = load_card(BENCH).version
     track = BenchTrackFile(
         info=BenchInfo(
-            description=_DESCRIPTION, task="bench", card_version=version, picture=options.picture
+            description=_DESCRIPTION, task=BENCH, card_version=version, picture=options.picture
         ),
         images=images,
         categories=tuple(CategoryInfo(id=i, name=name) for i, name in enumerate(names, start=1)),
     )
     truth = BenchTruthFile(
         schema_version=SCHEMA_VERSION,
-        task="bench",
+        task=BENCH,
         card_version=version,
         track_sha256=sha256_of_text(readable(track)),
         point_cap=POINT_CAP,
@@ -194,8 +195,8 @@ def _second_card(
     )
     info = BenchXInfo(
         description="LEGO-Bench-X: private, never handed to whoever makes submissions",
-        task="bench-x",
-        card_version=load_card("bench-x").version,
+        task=BENCH_X,
+        card_version=load_card(BENCH_X).version,
         track_sha256=truth.track_sha256,
     )
     return BenchXFile(info=info, images=images, categories=track.categories)

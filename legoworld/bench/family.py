@@ -51,6 +51,7 @@ from legoworld.scene.open_scene import CardRender, OpenedScene, retry_once
 from legoworld.scene.read_scene import read_hashed_side_file, read_scene
 from legoworld.scene.requests import DeclaredCases, Request
 from legoworld.scene.snapshot import Snapshot
+from legoworld.tasks.shipped import BENCH_X
 from legoworld.workers.engines import machine_lost
 
 #: Path samples a second that a render is allowed to need: a tenth of what one slow core does.
@@ -298,7 +299,7 @@ class _Family:
             seen,
             others[0] if others else None,
             secret,
-            load_card("bench-x"),
+            load_card(BENCH_X),
             threads=options.threads,
         )
         if options.scenes is not None:

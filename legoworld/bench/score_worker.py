@@ -27,6 +27,7 @@ from legoworld.running.image_record import ImageOptions
 from legoworld.running.submission import OK, BenchRules
 from legoworld.scene.blender_process import BlenderProcess, Limits
 from legoworld.scene.cache import SnapshotCache
+from legoworld.tasks.shipped import BENCH
 from legoworld.tracks.track import TrackImage
 from legoworld.workers.scratch import ScratchFolder
 
@@ -164,7 +165,7 @@ class ScoreWorker:
         return ImageOptions(
             scenes=scene.path.parent,
             run=self._scratch.path,
-            protocol=protocol("bench", None),
+            protocol=protocol(BENCH, None),
             source="blend",
             cache=scene.cache,
             require_frozen=False,

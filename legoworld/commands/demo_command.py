@@ -15,7 +15,6 @@ from legoworld import extras
 from legoworld.commands.options import flag, option
 from legoworld.shipped import catalog
 
-_TASKS: Final = ("coco", "lvis")
 _SCENES: Final = ("astronaut", "chelsea", "coffee", "motorcycle")
 
 
@@ -40,7 +39,7 @@ def command(output: Path, files: bool) -> int:
         click.echo(f"scenes, {'photos, ' * photos}tracks and truth -> {output}")
         return 0
     scenes, runs, evals, page = (output / n for n in ("scenes", "runs", "evals", "report.html"))
-    tasks = [word for task in _TASKS for word in ("--task", task)]
+    tasks = [word for task in _list_tasks() for word in ("--task", task)]
     shown = ["--photos", output / "photos"] * photos
     for words in (
         ["readout", scenes, *tasks, "--track", output / "tracks", "-o", runs],
@@ -58,16 +57,24 @@ def command(output: Path, files: bool) -> int:
     return 0
 
 
+def _data_folder() -> Path:
+    return catalog.folder("datasets") / "skimage_examples"
+
+
+def _list_tasks() -> list[str]:
+    """The tasks that the examples have ground truth for."""
+    return sorted(file.stem.removeprefix("truth_") for file in _data_folder().glob("truth_*.json"))
+
+
 def _write_files(folder: Path) -> bool:
     """scenes/, tracks/, truth/ and photos/; whether there are photos, which are scikit-image's."""
-    data = catalog.folder("datasets") / "skimage_examples"
     for name in _SCENES:
         source = catalog.folder("examples") / name
         shutil.copytree(source, folder / "scenes" / name, dirs_exist_ok=True)
     for kind, place in (("track", "tracks"), ("truth", "truth")):
         (folder / place).mkdir(parents=True, exist_ok=True)
-        for task in _TASKS:
-            shutil.copyfile(data / f"{kind}_{task}.json", folder / place / f"{task}.json")
+        for task in _list_tasks():
+            shutil.copyfile(_data_folder() / f"{kind}_{task}.json", folder / place / f"{task}.json")
     if importlib.util.find_spec("skimage") is None:
         return False
     import cv2

@@ -24,9 +24,9 @@ from legoworld.comparison.measures import (
 )
 from legoworld.evaluation.detection.amodal_sums import AMODAL_METRICS, amodal_metrics, amodal_values
 from legoworld.evaluation.detection.grid import Grid
-from legoworld.evaluation.detection.matching import matches_file
-from legoworld.evaluation.detection.matching.greedy import MatchTable
+from legoworld.evaluation.detection.matching import outcomes
 from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts, matched_metrics
+from legoworld.evaluation.detection.matching.outcomes import MatchTable
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import DetectionProtocol, detection_protocol
@@ -90,9 +90,9 @@ _SCORE_FREE: Final = (
 _SCORE_FREE_TABLE: Final = ("miou_gt_micro", "miou_matched", "f1_50")
 
 
-def detection_metrics(protocol: DetectionProtocol) -> list[Metric]:
+def detection_metrics(task: str) -> list[Metric]:
     """Every metric of a comparison of boxes or masks, in display order."""
-    metrics = []
+    protocol, metrics = detection_protocol(task), []
     for prefix, policy in (("", "own_scores"), (EQUAL, "equal_confidence")):
         for official in protocol.metrics:
             level: Level = HEADLINE if official.name in _HEADLINE else TABLE
@@ -130,16 +130,16 @@ def measure_detections(side: StoredEvaluation, kept: NDArray[np.bool_], shared: 
     protocol, arrays = detection_protocol(side.task), side.matches
     frequencies = side_frequencies(side, arrays["category_ids"])
     measures: Measures = {}
-    table = restrict_table(matches_file.table_from(arrays, matches_file.OWN), kept)
+    table = restrict_table(outcomes.table_from(arrays, outcomes.OWN), kept)
     own = equal = _official(table, protocol, frequencies, shared)
     if _ranks(side):
-        table = restrict_table(matches_file.table_from(arrays, matches_file.EQUAL), kept)
+        table = restrict_table(outcomes.table_from(arrays, outcomes.EQUAL), kept)
         equal = _official(table, protocol, frequencies, shared)
     measures |= own | {EQUAL + name: measure for name, measure in equal.items()}
     measures[TIES] = _ties(table, shared, equal["AP"].over)
     images_with_truth = len(np.unique(table.truth_image))
     for kind, aware in zip(_KINDS, (True, False), strict=True):
-        counts = restrict_counts(matches_file.counts_from(arrays, class_aware=aware), kept)
+        counts = restrict_counts(outcomes.counts_from(arrays, class_aware=aware), kept)
         for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
             measures[f"{kind}.{name}"] = measure
     return measures | _amodal(side, kept, shared)
@@ -248,7 +248,7 @@ def _notes(sides: Sequence[StoredEvaluation]) -> list[str]:
 
 
 COMPARISON: Final = ComparisonFamily(
-    metrics=lambda task: detection_metrics(detection_protocol(task)),
+    metrics=detection_metrics,
     unit=lambda _side: "image",
     measurer=measure_over_images(measure_detections),
     centred=True,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.comparison.family import load_comparison_family
-from legoworld.comparison.measures import IntervalRule, Metric, comparison_row
+from legoworld.comparison.family import ComparisonFamily, SideFacts, load_comparison_family
+from legoworld.comparison.measures import IntervalRule, comparison_row
 from legoworld.comparison.provenance import (
     provenance_by_field,
     provenance_notes,
@@ -64,11 +64,11 @@ def pair_images(scene: StoredEvaluation, baseline: StoredEvaluation) -> Pairing:
     return Pairing(kept=kept, dropped=tuple(dropped))
 
 
-def note_differences(sides: Sequence[StoredEvaluation]) -> list[str]:
+def _note_differences(sides: Sequence[StoredEvaluation], family: ComparisonFamily) -> list[str]:
     """Notes on every difference between the sides that does not make them incomparable."""
     notes = [f"Differences are {sides[0].name} minus the other method."]
     notes += [_truth_prompts(side) for side in sides if side.used_truth]
-    notes += load_comparison_family(sides[0].task).notes(sides)
+    notes += family.notes(sides)
     return [*notes, *_versions(sides)]
 
 
@@ -92,11 +92,6 @@ def _versions(sides: Sequence[StoredEvaluation]) -> list[str]:
     return notes
 
 
-def list_metrics(task: str) -> list[Metric]:
-    """Every metric of a comparison of a task, in display order."""
-    return load_comparison_family(task).metrics(task)
-
-
 def compare(
     sides: Sequence[StoredEvaluation],
     settings: ComparisonSettings,
@@ -108,31 +103,34 @@ def compare(
     settings, so equal inputs give equal documents.
     """
     rows, family = sides[0].rows, load_comparison_family(sides[0].task)
-    unit, facts = family.unit(sides[0]), family.facts(sides[0])
+    rule = IntervalRule(centred=family.centred, unit=family.unit(sides[0]))
+    facts = [family.facts(side) for side in sides]
     by_field = provenance_by_field(sides)
     made = provenance_notes(by_field) if any(side.is_scene for side in sides) else []
     pairs = []
     for baseline in sides[1:]:
         notice(f"{settings.draws} bootstrap samples of {sides[0].name} and {baseline.name}")
-        pairs.append(_pair(sides[0], baseline, settings, unit))
+        pairs.append(_pair(sides[0], baseline, settings, family, rule))
     return Comparison(
         task=sides[0].task,
-        dataset_version=facts.dataset_version,
+        dataset_version=facts[0].dataset_version,
         evaluator=sides[0].summary.evaluator,
-        protocol=facts.protocol,
+        protocol=facts[0].protocol,
         bootstrap=ComparisonBootstrap(
-            draws=settings.draws, seed=settings.seed, level=LEVEL, unit=unit
+            draws=settings.draws, seed=settings.seed, level=LEVEL, unit=rule.unit
         ),
         images=tuple(ImageName(image_id=r.image_id, file_name=r.file_name) for r in rows),
-        methods=tuple(_method(side, first=side is sides[0]) for side in sides),
+        methods=tuple(
+            _method(side, own, first=side is sides[0])
+            for side, own in zip(sides, facts, strict=True)
+        ),
         pairs=tuple(pairs),
         provenance=by_field,
-        notes=(*note_differences(sides), *made),
+        notes=(*_note_differences(sides, family), *made),
     )
 
 
-def _method(side: StoredEvaluation, *, first: bool) -> Method:
-    facts = load_comparison_family(side.task).facts(side)
+def _method(side: StoredEvaluation, facts: SideFacts, *, first: bool) -> Method:
     return Method(
         name=side.name,
         role="scene" if first else "baseline",
@@ -152,7 +150,11 @@ def _method(side: StoredEvaluation, *, first: bool) -> Method:
 
 
 def _pair(
-    scene: StoredEvaluation, baseline: StoredEvaluation, settings: ComparisonSettings, unit: str
+    scene: StoredEvaluation,
+    baseline: StoredEvaluation,
+    settings: ComparisonSettings,
+    family: ComparisonFamily,
+    rule: IntervalRule,
 ) -> Pair:
     pairing = pair_images(scene, baseline)
     ids = [row.image_id for row in scene.rows]
@@ -168,7 +170,7 @@ def _pair(
         ),
         paired_image_ids=tuple(i for i, keep in zip(ids, pairing.kept, strict=True) if keep),
         dropped=pairing.dropped,
-        rows=tuple(_measure_rows(scene, baseline, pairing.kept, settings, unit)),
+        rows=tuple(_measure_rows(scene, baseline, pairing.kept, settings, family, rule)),
     )
 
 
@@ -177,11 +179,10 @@ def _measure_rows(
     baseline: StoredEvaluation,
     paired: NDArray[np.bool_],
     settings: ComparisonSettings,
-    unit: str,
+    family: ComparisonFamily,
+    rule: IntervalRule,
 ) -> Iterator[ComparisonRow]:
     """The rows over each selection of images; none over no image: coverage says 0 paired."""
-    family = load_comparison_family(scene.task)
-    rule = IntervalRule(centred=family.centred, unit=unit)
     unpaired = family.unpaired(scene)
     for images in family.images:
         kept = paired if images == "paired" else unpaired
@@ -189,6 +190,6 @@ def _measure_rows(
             continue
         measure = family.measurer(scene, images, kept, settings)
         ours, theirs = measure(scene), measure(baseline)
-        for metric in list_metrics(scene.task):
+        for metric in family.metrics(scene.task):
             if metric.id in ours:
                 yield comparison_row(metric, images, ours[metric.id], theirs[metric.id], rule)

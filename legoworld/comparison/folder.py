@@ -13,7 +13,7 @@ from legoworld.comparison.tables import coverage_table, csv_table, headline_tabl
 from legoworld.errors import ConfigurationMismatchError, LegoWorldError, cause
 from legoworld.evaluation.stored import READ, StoredEvaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file, write_text
-from legoworld.records.base import RecordError, as_json, readable, to_record
+from legoworld.records.base import RecordError, as_json, readable
 from legoworld.records.comparison import (
     JOINED,
     KIND,
@@ -27,7 +27,6 @@ from legoworld.records.evidence import (
     ComparisonEvidence,
     ComparisonSettings,
     Input,
-    MethodEvidence,
     PairedNumbers,
     PairEvidence,
     load_record_family,
@@ -53,7 +52,7 @@ class ComparisonFolderError(LegoWorldError):
 
 
 def prepare_folder(
-    folder: Path, evidence: AnyEvidence | ComparisonEvidence[MethodEvidence], *, overwrite: bool
+    folder: Path, evidence: AnyEvidence | ComparisonEvidence, *, overwrite: bool
 ) -> None:
     """Create the folder; refuse one that holds a different comparison or anything else.
 
@@ -85,7 +84,7 @@ def prepare_folder(
         )
 
 
-def _depends_on(evidence: AnyEvidence | ComparisonEvidence[MethodEvidence]) -> dict[str, Any]:
+def _depends_on(evidence: AnyEvidence | ComparisonEvidence) -> dict[str, Any]:
     """The options and input hashes (by role) that determine a comparison."""
     hashes: dict[str, list[str]] = {}
     for entry in evidence.inputs:
@@ -96,7 +95,7 @@ def _depends_on(evidence: AnyEvidence | ComparisonEvidence[MethodEvidence]) -> d
 def write_comparison(
     folder: Path,
     document: Comparison | JoinedComparison,
-    evidence: AnyEvidence | ComparisonEvidence[MethodEvidence],
+    evidence: AnyEvidence | ComparisonEvidence,
     *,
     overwrite: bool,
 ) -> None:
@@ -149,7 +148,7 @@ def read_comparison(path: Path) -> Comparison | JoinedComparison:
 
 def initial_evidence(
     folder: Path, sides: Sequence[StoredEvaluation], settings: ComparisonSettings
-) -> ComparisonEvidence[MethodEvidence]:
+) -> ComparisonEvidence:
     """evidence.json before anything is computed: the evaluations and their raw numbers.
 
     `paired_evidence` completes it.
@@ -161,10 +160,18 @@ def initial_evidence(
         "inputs": tuple(e for k, s in enumerate(sides) for e in _side_inputs(folder, s, k)),
         "files": {},
     }
-    kind = load_record_family(sides[0].task).method
-    # Each side's own evidence: its evaluator's numbers, and the hashed files by role.
-    methods = tuple(to_record(kind, {**as_json(s.evidence), "name": s.name}) for s in sides)
-    return ComparisonEvidence(**common, methods=methods)
+    own = ("evaluator", *load_record_family(sides[0].task).method)
+    return ComparisonEvidence(**common, methods=tuple(_side_evidence(side, own) for side in sides))
+
+
+def _side_evidence(side: StoredEvaluation, own: Sequence[str]) -> dict[str, Any]:
+    """A side's own evidence: its evaluator's numbers, and the hashes of its files by role."""
+    evidence = as_json(side.evidence)
+    return {
+        "name": side.name,
+        "inputs": [{"role": file["role"], "sha256": file["sha256"]} for file in evidence["inputs"]],
+        **{name: evidence[name] for name in own},
+    }
 
 
 def paired_evidence(document: Comparison) -> tuple[PairEvidence, ...]:

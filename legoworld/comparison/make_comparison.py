@@ -11,7 +11,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from legoworld.comparison.compatibility import check_comparable, read_sides
-from legoworld.comparison.document import compare, list_metrics
+from legoworld.comparison.document import compare
+from legoworld.comparison.family import load_comparison_family
 from legoworld.comparison.folder import (
     COMPARISON,
     ComparisonFolderError,
@@ -135,7 +136,9 @@ def make_comparison(
     """
     sides = read_sides(evaluations)
     check_comparable(sides, allow_truth_prompts=settings.allow_truth_prompts)
-    wanted = parse_thresholds(thresholds, [m.id for m in list_metrics(sides[0].task)])
+    task = sides[0].task
+    metrics = load_comparison_family(task).metrics(task)
+    wanted = parse_thresholds(thresholds, [metric.id for metric in metrics])
     evidence = initial_evidence(output, sides, settings)
     prepare_folder(output, evidence, overwrite=overwrite)
     document = compare(sides, settings, notice)

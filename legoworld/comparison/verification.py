@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from legoworld.comparison.tables import Document
 from legoworld.evaluation.checks import Check, check_files, check_inputs, find_input, until_damage
 from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.files import Json
-from legoworld.records.base import Record, as_json, to_record
+from legoworld.records.base import Storable, as_json, to_record
 from legoworld.records.comparison import Comparison, JoinedComparison
 from legoworld.records.evidence import AnyEvidence, ComparisonSettings
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
@@ -86,7 +86,7 @@ def _find_inputs(folder: Path, evidence: AnyEvidence, name: str, root: Path | No
     return [path for path in paths if path is not None]
 
 
-def _agrees(what: str, computed: Record | Sequence[Record], recorded: Json) -> Check:
+def _agrees(what: str, computed: Storable, recorded: Json) -> Check:
     """Equality up to summation order, which may differ between machines' NumPy builds."""
     worst, where = _largest_difference(json.loads(json.dumps(as_json(computed))), recorded, "")
     status = "ok" if worst <= AGREEMENT else "DIFFERS"

@@ -7,12 +7,10 @@ nothing.
 
 from __future__ import annotations
 
-import ctypes
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +19,7 @@ def box_volumes(corners: ArrayLike) -> Floats:
     """(n,) volumes of (n, 8, 3) corners; 0 for a box that is flat to rounding."""
     boxes = np.ascontiguousarray(corners, np.float64)
     volumes = np.empty(len(boxes))
-    check(library().lw_box_volumes(pointer(boxes), ctypes.c_int64(len(boxes)), pointer(volumes)))
+    call("lw_box_volumes", boxes, len(boxes), volumes)
     return volumes
 
 
@@ -29,9 +27,5 @@ def box_ious(corners: ArrayLike, others: ArrayLike) -> Floats:
     """(n, m) IoU of (n, 8, 3) and (m, 8, 3) corners; 0 where two boxes only touch."""
     mine, theirs = (np.ascontiguousarray(boxes, np.float64) for boxes in (corners, others))
     ious = np.empty((len(mine), len(theirs)))
-    done = library().lw_box_ious(
-        pointer(mine), ctypes.c_int64(len(mine)), pointer(theirs), ctypes.c_int64(len(theirs)),
-        pointer(ious),
-    )  # fmt: skip
-    check(done)
+    call("lw_box_ious", mine, len(mine), theirs, len(theirs), ious)
     return ious

@@ -8,15 +8,15 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from legoworld.evaluation.checks import Check, check_equal, check_files, check_inputs, until_damage
 from legoworld.evaluation.family import RecordedEvaluation, load_evaluation_family
 from legoworld.files import Json
 from legoworld.records.base import as_json
-from legoworld.records.evaluation_rows import ImageRow
+from legoworld.records.evaluation_rows import EvaluationRow, ImageRow
 from legoworld.records.evaluation_summary import Summary
 from legoworld.records.folders.read_evaluation import (
     SUMMARY,
@@ -29,6 +29,10 @@ from legoworld.records.folders.read_evaluation import (
 #: Logarithms differ in the last bits between machines.
 _RELATIVE: Final = 1e-9
 _LISTS: Final = (tuple, list)
+#: Images that are scored again: a full-size one takes seconds.
+SCORED_AGAIN: Final = 10
+
+T = TypeVar("T")
 
 
 def agreement(what: str, found: Json, recorded: Json) -> Check:
@@ -44,6 +48,18 @@ def check_summary(recorded: RecordedEvaluation, again: Summary) -> Iterator[Chec
     made, written = as_json(again), json.loads((recorded.folder / SUMMARY).read_bytes())
     for key in sorted({*made, *written}):
         yield agreement(f"{key} from the rows", made.get(key), written.get(key))
+
+
+def check_rows(recorded: RecordedEvaluation, again: Iterable[EvaluationRow]) -> Iterator[Check]:
+    """Rows made again against those on record."""
+    stored = {row.image_id: as_json(row) for row in recorded.rows}
+    for row in again:
+        yield agreement(f"row of image {row.image_id}", as_json(row), stored.get(row.image_id))
+
+
+def spread_evenly(items: Sequence[T]) -> Sequence[T]:
+    """Up to `SCORED_AGAIN` of the images or cases, which is what verification has time for."""
+    return items[:: max(1, math.ceil(len(items) / SCORED_AGAIN))]
 
 
 def _first_difference(found: Json, recorded: Json, place: str) -> str | None:

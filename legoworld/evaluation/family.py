@@ -6,11 +6,13 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.cards import Card
+from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.run import Run
@@ -25,6 +27,8 @@ from legoworld.tables.table import Table
 from legoworld.tables.terminal import terminal, within_width
 from legoworld.tasks.registry import find_family
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
+
+C = TypeVar("C", bound=ScoreConfiguration)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +72,18 @@ class EvaluationRequest:
     warn: Callable[[str], None] = _ignore
     pool: WorkerPool = IN_PROCESS
     origins: Origins = HERE
+
+
+def make_configuration(
+    request: EvaluationRequest, card: Card, kind: Callable[..., C], **own: Json
+) -> C:
+    """What the numbers depend on besides the inputs. own: fields of the family's kind alone.
+
+    UsageError for a bootstrap that cannot be drawn.
+    """
+    draws, seed = request.draws, request.seed
+    check_draws(draws, seed)
+    return kind(task=card.task, card_sha256=card.sha256, draws=draws, seed=seed, **own)
 
 
 def prepare_inputs(

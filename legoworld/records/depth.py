@@ -12,7 +12,6 @@ from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evaluation_summary import Coverage, DepthRules
 from legoworld.records.evidence import (
     EvaluationEvidence,
-    MethodEvidence,
     RecordFamily,
     ScoreConfiguration,
 )
@@ -123,17 +122,9 @@ class DepthEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     metrics: Means
 
 
-class DepthMethod(MethodEvidence, frozen=True, kw_only=True):
-    """A side of depth."""
-
-    configuration: DepthConfiguration
-    protocol: DepthChoices
-    metrics: Means
-
-
 RECORDS: Final = RecordFamily(
     summary=DepthSummary,
     rows=partial(pixel_rows, unscored=DepthRow, scored=ScoredDepthRow, statuses=SCORED),
     evidence=DepthEvidence,
-    method=DepthMethod,
+    method=("configuration", "protocol", "metrics"),
 )

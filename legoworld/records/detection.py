@@ -10,7 +10,6 @@ from legoworld.records.evaluation_rows import DetectionRow
 from legoworld.records.evaluation_summary import DetectionCoverage, DetectionSummary
 from legoworld.records.evidence import (
     EvaluationEvidence,
-    MethodEvidence,
     RecordFamily,
     ScoreConfiguration,
 )
@@ -67,19 +66,9 @@ class DetectionEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     equal_confidence: EqualScores
 
 
-class DetectionMethod(MethodEvidence, frozen=True, kw_only=True):
-    """A side of boxes and masks."""
-
-    configuration: DetectionConfiguration
-    run: RunOrigin
-    protocol: CardOrigin
-    raw: RawScores
-    equal_confidence: EqualScores
-
-
 RECORDS: Final = RecordFamily(
     summary=DetectionSummary,
     rows=partial(decode_lines, DetectionRow),
     evidence=DetectionEvidence,
-    method=DetectionMethod,
+    method=("configuration", "run", "protocol", "raw", "equal_confidence"),
 )

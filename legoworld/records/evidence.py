@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.errors import LegoWorldError
@@ -18,19 +18,14 @@ from legoworld.records.evaluation_summary import Coverage, Evaluator, Summary
 from legoworld.tasks.registry import find_family
 
 
-class HashedInput(Record, frozen=True, kw_only=True):
-    """A file by its role and its bytes."""
-
-    role: str
-    sha256: str
-
-
-class Input(HashedInput, frozen=True, kw_only=True):
+class Input(Record, frozen=True, kw_only=True):
     """A file that was read. path: from the folder, or a whole one where the folder is at a URL.
 
     without: keys of a JSON file that its hash and size leave out.
     """
 
+    role: str
+    sha256: str
     path: str
     bytes: int | UnsetType = UNSET
     without: tuple[str, ...] | UnsetType = UNSET
@@ -79,17 +74,6 @@ class EvaluationEvidence(Evidence, frozen=True, kw_only=True):
     configuration: ScoreConfiguration
 
 
-class MethodEvidence(Record, frozen=True, kw_only=True):
-    """One side of a comparison: its own evidence, of which files."""
-
-    name: str
-    evaluator: Evaluator
-    inputs: tuple[HashedInput, ...]
-
-
-M = TypeVar("M", bound=MethodEvidence)
-
-
 class ComparisonSettings(Record, frozen=True, kw_only=True):
     """What the numbers of a comparison depend on besides the evaluations."""
 
@@ -112,13 +96,16 @@ class PairEvidence(PairHead, frozen=True, kw_only=True):
     paired_metrics: dict[str, PairedNumbers]
 
 
-class ComparisonEvidence(Evidence, Generic[M], frozen=True, kw_only=True):
-    """Of a comparison. M: a side's, by its family; pairs: filled in when the numbers are made."""
+class ComparisonEvidence(Evidence, frozen=True, kw_only=True):
+    """Of a comparison. methods: each side's name, and of its own evidence what its family says.
+
+    pairs: filled in when the numbers are made.
+    """
 
     kind: str = KIND
     task: str
     configuration: ComparisonSettings
-    methods: tuple[M, ...]
+    methods: tuple[dict[str, Any], ...]
     pairs: tuple[PairEvidence, ...] = ()
 
 
@@ -126,14 +113,14 @@ class ComparisonEvidence(Evidence, Generic[M], frozen=True, kw_only=True):
 class RecordFamily:
     """The records of a family's evaluations and comparisons.
 
-    rows: the lines of per_image.jsonl, RecordError for others. A file does not name its family:
-    its task does.
+    rows: the lines of per_image.jsonl, RecordError for others; method: the fields of the evidence
+    that a comparison repeats of each side. A file does not name its family: its task does.
     """
 
     summary: type[Summary]
     rows: Callable[[bytes], Sequence[EvaluationRow]]
     evidence: type[EvaluationEvidence]
-    method: type[MethodEvidence] = MethodEvidence
+    method: tuple[str, ...] = ()
 
 
 class _OfTask(Record, frozen=True, kw_only=True):

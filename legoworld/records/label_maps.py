@@ -11,9 +11,7 @@ from legoworld.records.evaluation_rows import EvaluationRow
 from legoworld.records.evaluation_summary import Interval, MetricValue, Summary, Values
 from legoworld.records.evidence import (
     EvaluationEvidence,
-    MethodEvidence,
     RecordFamily,
-    ScoreConfiguration,
 )
 
 
@@ -90,13 +88,6 @@ class LabelMapEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     metrics: Values
 
 
-class LabelMapMethod(MethodEvidence, frozen=True, kw_only=True):
-    """A side of a comparison."""
-
-    configuration: ScoreConfiguration
-    metrics: Values
-
-
 class LabelMapView(Record, frozen=True, kw_only=True):
     """view/ID.json: small pictures of ground truth, answer and where their categories agree.
 
@@ -113,5 +104,5 @@ RECORDS: Final = RecordFamily(
     summary=LabelMapSummary,
     rows=partial(decode_lines, LabelMapRow),
     evidence=LabelMapEvidence,
-    method=LabelMapMethod,
+    method=("configuration", "metrics"),
 )

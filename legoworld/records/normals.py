@@ -11,7 +11,6 @@ from typing import Final
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.evidence import (
     EvaluationEvidence,
-    MethodEvidence,
     RecordFamily,
     ScoreConfiguration,
 )
@@ -106,17 +105,9 @@ class NormalsEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     pooled: Means
 
 
-class NormalsMethod(MethodEvidence, frozen=True, kw_only=True):
-    """A side of normals."""
-
-    configuration: NormalsConfiguration
-    protocol: NormalsChoices
-    metrics: Means
-
-
 RECORDS: Final = RecordFamily(
     summary=NormalsSummary,
     rows=partial(pixel_rows, unscored=NormalsRow, scored=ScoredNormalsRow, statuses=("ok",)),
     evidence=NormalsEvidence,
-    method=NormalsMethod,
+    method=("configuration", "protocol", "metrics"),
 )

@@ -21,7 +21,6 @@ from legoworld.records.evaluation_summary import (
 )
 from legoworld.records.evidence import (
     EvaluationEvidence,
-    MethodEvidence,
     RecordFamily,
     ScoreConfiguration,
 )
@@ -324,17 +323,9 @@ class BenchEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     metrics: Values
 
 
-class BenchMethod(MethodEvidence, frozen=True, kw_only=True):
-    """A side of a bench."""
-
-    configuration: BenchConfiguration
-    protocol: ReconstructionRules
-    metrics: Values
-
-
 RECORDS: Final = RecordFamily(
     summary=ReconstructionSummary,
     rows=partial(decode_lines, ReconstructionRow),
     evidence=BenchEvidence,
-    method=BenchMethod,
+    method=("configuration", "protocol", "metrics"),
 )

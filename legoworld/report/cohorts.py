@@ -10,8 +10,11 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE
-from legoworld.evaluation.detection.matching.matches_file import table_from
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    TRUE_POSITIVE,
+    table_from,
+)
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import precision_at_recalls
 from legoworld.evaluation.stored import StoredEvaluation

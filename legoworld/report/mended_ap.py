@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import HALF, Grid
-from legoworld.evaluation.detection.matching.greedy import (
+from legoworld.evaluation.detection.matching.matches import match_columns
+from legoworld.evaluation.detection.matching.outcomes import (
     FALSE_POSITIVE,
     IGNORED,
     TRUE_POSITIVE,
     MatchTable,
+    table_from,
 )
-from legoworld.evaluation.detection.matching.matches import match_columns
-from legoworld.evaluation.detection.matching.matches_file import table_from
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import precision_at_recalls

@@ -9,12 +9,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.matching.greedy import (
+from legoworld.evaluation.detection.matching.outcomes import (
+    EQUAL,
     FALSE_POSITIVE,
+    OWN,
     TRUE_POSITIVE,
     MatchTable,
+    table_from,
 )
-from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, table_from
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import (
     precision_at_recalls,

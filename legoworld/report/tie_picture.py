@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, table_from
+from legoworld.evaluation.detection.matching.outcomes import EQUAL, OWN, table_from
 from legoworld.evaluation.detection.ranking.ties import order_aps
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import share

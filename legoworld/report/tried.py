@@ -9,12 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.inputs.masks import (
-    EncodedMask,
-    from_pixels,
-    overlaps,
-    to_pixels,
-)
+from legoworld.evaluation.detection.inputs.masks import EncodedMask, from_pixels, to_pixels
+from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.report.detection_images import DetectionImage, SideImage, shapes
 from legoworld.report.error_kinds import FOREGROUND_IOU
@@ -173,7 +169,7 @@ def _fitted_iou(shape: Any, wanted: Any) -> float:
     fitted[rows, columns] = cv2.resize(
         pixels[_extent(pixels)], size_wh, interpolation=cv2.INTER_NEAREST
     )
-    return float(overlaps([from_pixels(fitted)], [wanted], [0])[0, 0])
+    return float(MASKS.compare_shapes([from_pixels(fitted)], [wanted], [0])[0, 0])
 
 
 def _extent(pixels: NDArray[np.uint8]) -> tuple[slice, slice]:

@@ -43,7 +43,9 @@ def annotation_source(task: str, path: Path) -> Source:
     # Families of other answers may read anything of an annotation.
     payload = PAYLOADS.get(load_card(task).reads, MASKS)
     try:
-        document = payload.document(read_json(path.read_bytes()), str(path))
+        document = read_json(path.read_bytes())
+        if payload.document is not None:
+            document = payload.document(document, str(path))
         entries, _ = document["images"], document["categories"]
     except (OSError, RecordError, KeyError, TypeError) as error:
         raise CatalogError(

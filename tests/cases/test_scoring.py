@@ -81,7 +81,7 @@ def truth_of(task: str, predictions: list[dict[str, Any]], first_id: int = 1) ->
 def test_row_37_an_export_as_truth_and_as_detections_scores_one(task, exports, tmp_path):
     predictions = exports[task]
     assert len(predictions) >= 8
-    summary = evaluate(tmp_path, task, truth_of(task, predictions), predictions).summary
+    summary = evaluate(tmp_path, task, truth_of(task, predictions), predictions)
     assert summary.metrics["AP"] == pytest.approx(1.0)
     assert summary.ties.worst == pytest.approx(1.0)
 
@@ -95,7 +95,7 @@ def test_row_37_an_annotation_id_of_0_is_lost_by_the_official_evaluator_and_repa
     path = tmp_path / "zero.json"
     path.write_text(json.dumps(from_zero))
     assert direct_coco(path, predictions)[0][0] < 1.0
-    summary = evaluate(tmp_path, "coco", from_zero, predictions).summary
+    summary = evaluate(tmp_path, "coco", from_zero, predictions)
     assert summary.metrics["AP"] == pytest.approx(1.0)
     assert any("annotation id 0" in warning for warning in summary.warnings)
 
@@ -104,9 +104,9 @@ def test_row_37_an_annotation_id_of_0_is_lost_by_the_official_evaluator_and_repa
 def test_row_38_with_equal_scores_a_shuffled_file_scores_the_same(task, tmp_path):
     truth = random_truth(task, seed=38)
     predictions = [p | {"score": 1.0} for p in random_predictions(task, truth, seed=38)]
-    first = evaluate(tmp_path / "a", task, truth, predictions).summary
+    first = evaluate(tmp_path / "a", task, truth, predictions)
     random.Random(38).shuffle(predictions)
-    assert evaluate(tmp_path / "b", task, truth, predictions).summary == first
+    assert evaluate(tmp_path / "b", task, truth, predictions) == first
     assert first.ties.sd > 0  # the order does matter: it is what the canonical sort fixes
 
 
@@ -123,10 +123,10 @@ def test_row_39_the_cut_at_300_follows_the_canonical_order_and_is_counted(tmp_pa
     empty = text_counts(box_mask([0, 0, 3, 3]))
     misses = [hit | {"category_id": category, "segmentation": empty} for _ in range(300)]
     for name, order in (("first", [hit, *misses]), ("last", [*misses, hit])):
-        summary = evaluate(tmp_path / name, "lvis", truth, order).summary
+        summary = evaluate(tmp_path / name, "lvis", truth, order)
         assert summary.counts.lost_to_cap == 1
         assert summary.metrics["AP"] == 0.0  # the higher category id is cut either way
-    kept = evaluate(tmp_path / "kept", "lvis", truth, [hit, *misses[:299]]).summary
+    kept = evaluate(tmp_path / "kept", "lvis", truth, [hit, *misses[:299]])
     assert kept.counts.lost_to_cap == 0
     assert kept.metrics["AP"] == pytest.approx(1.0)
 
@@ -142,8 +142,8 @@ def test_row_40_a_bbox_in_lvis_results_does_not_become_the_masks_area(tmp_path):
     truth = random_truth("lvis", seed=40)
     predictions = random_predictions("lvis", truth, seed=40)
     boxed = [p | {"bbox": [1, 2, 3, 4]} for p in predictions]
-    plain = evaluate(tmp_path / "plain", "lvis", truth, predictions).summary
-    summary = evaluate(tmp_path / "boxed", "lvis", truth, boxed).summary
+    plain = evaluate(tmp_path / "plain", "lvis", truth, predictions)
+    summary = evaluate(tmp_path / "boxed", "lvis", truth, boxed)
     assert summary.official == plain.official
     assert any(f"{len(boxed)} masks with a bbox" in w for w in summary.warnings)
     package = lvis_package.load()
@@ -157,7 +157,7 @@ def test_row_40_a_bbox_in_lvis_results_does_not_become_the_masks_area(tmp_path):
 @TASKS
 def test_row_41_an_empty_result_list_is_a_result(task, tmp_path):
     truth = random_truth(task, seed=41)
-    summary = evaluate(tmp_path, task, truth, []).summary
+    summary = evaluate(tmp_path, task, truth, [])
     assert summary.metrics["AP"] == 0.0
     assert summary.coverage.scored == summary.coverage.attempted
 
@@ -178,6 +178,6 @@ def test_row_42_categories_nobody_checked_in_an_image_are_dropped_and_counted(tm
     present = {(a["image_id"], a["category_id"]) for a in truth["annotations"]}
     predictions = random_predictions("lvis", truth, seed=42)
     kept = [p for p in predictions if (p["image_id"], p["category_id"]) in present]
-    whole = evaluate(tmp_path / "whole", "lvis", truth, predictions).summary
+    whole = evaluate(tmp_path / "whole", "lvis", truth, predictions)
     assert whole.counts.unverified_dropped == len(predictions) - len(kept) > 0
-    assert evaluate(tmp_path / "kept", "lvis", truth, kept).summary.official == whole.official
+    assert evaluate(tmp_path / "kept", "lvis", truth, kept).official == whole.official

@@ -26,12 +26,11 @@ from legoworld.comparison.make_comparison import join_folders
 from legoworld.comparison.verdict import noun
 from legoworld.comparison.verification import _agrees, verify_comparison
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.detection.matching import matches_file
+from legoworld.evaluation.detection.matching import outcomes
 from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
 from legoworld.records.base import decode
-from legoworld.records.detection import DetectionMethod
 from legoworld.records.evidence import AnyEvidence, ComparisonEvidence
 
 NOTHING = AnyEvidence(kind="comparison", configuration={}, versions={}, inputs=(), files={})
@@ -356,7 +355,7 @@ def test_a_side_without_predictions_has_no_score_free_numbers_and_no_intervals(t
 
 def test_the_matches_of_some_images_are_those_rows_of_every_column(made):
     side = read_evaluation(made / "c" / "baseline" / "eval")
-    table = matches_file.table_from(side.matches, matches_file.OWN)
+    table = outcomes.table_from(side.matches, outcomes.OWN)
     kept = np.arange(len(table.image_ids)) % 3 != 1
     some = restrict_table(table, kept)
     rows, cells = kept[table.image], kept[table.truth_image]
@@ -431,9 +430,7 @@ def test_two_documents_agree_up_to_rounding(computed, recorded, said):
 
 def test_a_write_that_fails_leaves_no_evidence_of_the_earlier_one(made, tmp_path, monkeypatch):
     document = read_document(made / "coco")
-    evidence = decode(
-        ComparisonEvidence[DetectionMethod], (made / "coco" / "evidence.json").read_bytes()
-    )
+    evidence = decode(ComparisonEvidence, (made / "coco" / "evidence.json").read_bytes())
     write_comparison(tmp_path, document, evidence, overwrite=False)
     assert (tmp_path / "evidence.json").read_bytes() == (made / "coco/evidence.json").read_bytes()
 

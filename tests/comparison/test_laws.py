@@ -22,7 +22,7 @@ from evaluation.detection_runs import random_predictions, random_truth
 from legoworld.comparison.compatibility import read_sides
 from legoworld.comparison.verification import verify_comparison
 from legoworld.evaluation.bootstrap import resample_counts
-from legoworld.evaluation.detection.matching.matches_file import table_from
+from legoworld.evaluation.detection.matching.outcomes import table_from
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 

@@ -23,7 +23,7 @@ from legoworld.evaluation.bootstrap import centred_interval, resample_counts, re
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.inputs.predictions import with_equal_confidence
 from legoworld.evaluation.detection.matching.matched_metrics import matched_metrics
-from legoworld.evaluation.detection.matching.matches_file import EQUAL, OWN, counts_from, table_from
+from legoworld.evaluation.detection.matching.outcomes import EQUAL, OWN, counts_from, table_from
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 from legoworld.records.base import as_json
@@ -253,7 +253,7 @@ def test_depth_intervals_draw_scenes_shared_by_both(tmp_path):
 @pytest.mark.parametrize("task", ["coco", "lvis"])
 def test_every_declared_metric_has_a_row_over_attempted_and_paired_images(task, tmp_path):
     document = compared(scene_and_baseline(tmp_path, task), tmp_path / "out", draws=3)
-    ids = [m.id for m in detection_metrics(detection_protocol(task))]
+    ids = [m.id for m in detection_metrics(task)]
     assert len(set(ids)) == len(ids)
     rows = document["pairs"][0]["rows"]
     assert [(r["images"], r["metric"]) for r in rows] == [

@@ -189,8 +189,8 @@ def by_canonical_key(entry: Document) -> tuple[Any, ...]:
 
 def match_everything(protocol: Any, truth: Any, predictions: Any):
     """(problem, match table)."""
-    from legoworld.evaluation.detection.matching.greedy import match_table
     from legoworld.evaluation.detection.matching.matches import match_states
+    from legoworld.evaluation.detection.matching.outcomes import match_table
     from legoworld.evaluation.detection.problem import build_problem
 
     problem = build_problem(truth, predictions, protocol)

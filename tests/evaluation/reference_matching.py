@@ -12,8 +12,12 @@ from scipy.optimize import linear_sum_assignment
 
 from legoworld.evaluation.detection.grid import PICTURE
 from legoworld.evaluation.detection.inputs.masks import areas_px, compress_mask
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import HIT
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 
 PREFER_HIT, PREFER_LABEL = 1e-9, 1e-11
 THRESHOLDS = np.minimum(PICTURE.iou, 1 - 1e-10)

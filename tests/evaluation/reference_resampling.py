@@ -10,9 +10,9 @@ import itertools
 import numpy as np
 
 from legoworld.evaluation.detection.grid import PICTURE
-from legoworld.evaluation.detection.matching.greedy import IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import matched_counts, matched_metrics
 from legoworld.evaluation.detection.matching.matches import match_and_pair
+from legoworld.evaluation.detection.matching.outcomes import IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.ranking.accumulation import (
     mean_precision,
     recall_steps,

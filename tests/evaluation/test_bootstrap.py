@@ -101,7 +101,7 @@ def test_the_number_of_threads_and_of_draws_changes_no_bit(tmp_path, monkeypatch
     _, table = match_everything(protocol, read, predictions)
     counts = resample_counts(12, 50, seed=0)
     whole = resampled_metrics(table, protocol, counts)
-    monkeypatch.setattr("legoworld.evaluation.kernels.library._MOST_THREADS", 1)
+    monkeypatch.setattr("legoworld.workers.processors._MOST_THREADS", 1)
     alone = resampled_metrics(table, protocol, counts)
     parts = [resampled_metrics(table, protocol, counts[k : k + 1]) for k in range(50)]
     for name, values in whole.items():

@@ -20,7 +20,7 @@ from evaluation.detection_runs import (
 
 from legoworld import cli
 from legoworld.evaluation.detection.matching.matched_metrics import matched_metrics
-from legoworld.evaluation.detection.matching.matches_file import counts_from, table_from
+from legoworld.evaluation.detection.matching.outcomes import counts_from, table_from
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.resampling import resampled_metrics
 

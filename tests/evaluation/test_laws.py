@@ -36,7 +36,7 @@ def test_the_truth_as_predictions_scores_one(task, tmp_path):
     truth = random_truth(task, seed=1)
     for a in truth["annotations"]:
         a["iscrowd"] = 0
-    summary = evaluate(tmp_path, task, truth, as_predictions(task, truth)).summary
+    summary = evaluate(tmp_path, task, truth, as_predictions(task, truth))
     defined = [v for v in summary.metrics.values() if v is not None]
     expected = [k for k in summary.metrics if k not in ("AR1", "AR10")]
     assert len(defined) >= 9
@@ -64,8 +64,8 @@ def test_the_shipped_truth_scores_one_against_itself(task, tmp_path):
             }
     run = write_run(tmp_path / "run", task, truth, predictions)
     evaluation = evaluate_detections(run, path, tmp_path / "eval", evaluator="official", draws=10)
-    assert evaluation.summary.metrics["AP"] == pytest.approx(1.0)
-    assert evaluation.summary.dataset_version == {"coco": "2017", "lvis": "1.0"}[find_dataset(task)]
+    assert evaluation.metrics["AP"] == pytest.approx(1.0)
+    assert evaluation.dataset_version == {"coco": "2017", "lvis": "1.0"}[find_dataset(task)]
 
 
 @TASKS
@@ -76,7 +76,7 @@ def test_a_shuffled_file_scores_the_same(task, levels, tmp_path):
     first = evaluate(tmp_path / "a", task, truth, predictions)
     random.Random(1).shuffle(predictions)
     second = evaluate(tmp_path / "b", task, truth, predictions)
-    assert first.summary == second.summary
+    assert first == second
     for name in ("summary.json", "per_image.jsonl", "per_category.jsonl", "matches.npz"):
         a, b = ((tmp_path / x / "eval" / name).read_bytes() for x in "ab")
         assert a == b, name
@@ -86,7 +86,7 @@ def test_a_shuffled_file_scores_the_same(task, levels, tmp_path):
 def test_other_ids_for_the_same_things_score_the_same(task, tmp_path):
     truth = random_truth(task, seed=7)
     predictions = random_predictions(task, truth, seed=7)
-    first = evaluate(tmp_path / "a", task, truth, predictions).summary
+    first = evaluate(tmp_path / "a", task, truth, predictions)
     text = json.loads(json.dumps({"truth": truth, "predictions": predictions}))
     renamed = text["truth"]
     category = {c["id"]: 900 - c["id"] for c in renamed["categories"]}
@@ -102,7 +102,7 @@ def test_other_ids_for_the_same_things_score_the_same(task, tmp_path):
         a["image_id"], a["category_id"] = image[a["image_id"]], category[a["category_id"]]
         if "id" in a:
             a["id"] = 10_000_000 - 17 * n
-    second = evaluate(tmp_path / "b", task, renamed, text["predictions"]).summary
+    second = evaluate(tmp_path / "b", task, renamed, text["predictions"])
     assert second.official == pytest.approx(first.official, abs=1e-12)
     for kind in ("class_aware", "class_agnostic"):
         found, expected = (as_json(getattr(s.matched, kind)) for s in (second, first))
@@ -118,18 +118,18 @@ def test_an_image_that_failed_stays_in_the_denominator(task, tmp_path):
     statuses = dict.fromkeys(failed, "missing")
     evaluation = evaluate(tmp_path, task, truth, left, statuses=statuses, draws=10)
     empty = evaluate(tmp_path / "empty", task, truth, left)
-    assert evaluation.summary.official == empty.summary.official
-    assert evaluation.summary.coverage.attempted == 12
-    assert evaluation.summary.coverage.scored == 8
-    assert empty.summary.coverage.scored == 12
-    assert evaluation.summary.coverage.by_status == {"missing": 4, "ok": 8}
+    assert evaluation.official == empty.official
+    assert evaluation.coverage.attempted == 12
+    assert evaluation.coverage.scored == 8
+    assert empty.coverage.scored == 12
+    assert evaluation.coverage.by_status == {"missing": 4, "ok": 8}
     rows = read_rows(tmp_path / "eval" / "per_image.jsonl")
     assert len(rows) == 12
     assert {r["image_id"] for r in rows if not r["scored"]} == failed
     subset = {**truth, "images": [i for i in truth["images"] if i["id"] not in failed]}
     subset["annotations"] = [a for a in truth["annotations"] if a["image_id"] not in failed]
     without = evaluate(tmp_path / "subset", task, subset, left)
-    assert without.summary.official != evaluation.summary.official
+    assert without.official != evaluation.official
 
 
 @TASKS
@@ -146,17 +146,15 @@ def test_scoring_over_a_track_smaller_than_the_truth(task, tmp_path):
     predictions = random_predictions(task, small, seed=9)
     alone = evaluate(tmp_path / "small", task, small, predictions)
     whole = evaluate(tmp_path, task, small, predictions, whole=truth)
-    assert whole.summary == alone.summary
+    assert whole == alone
 
 
 @TASKS
 def test_scores_and_equal_confidence_side_by_side(task, tmp_path):
     truth = random_truth(task, seed=11)
     predictions = random_predictions(task, truth, seed=11)
-    scored = evaluate(tmp_path / "a", task, truth, predictions).summary
-    equal = evaluate(
-        tmp_path / "b", task, truth, [{**p, "score": 0.7} for p in predictions]
-    ).summary
+    scored = evaluate(tmp_path / "a", task, truth, predictions)
+    equal = evaluate(tmp_path / "b", task, truth, [{**p, "score": 0.7} for p in predictions])
     assert not scored.equal_confidence.already_equal
     assert equal.equal_confidence.already_equal
     assert scored.ties.sd == 0.0
@@ -170,13 +168,13 @@ def test_scores_and_equal_confidence_side_by_side(task, tmp_path):
 def test_the_caps_are_counted(tmp_path):
     truth = random_truth("lvis", seed=12, images=2)
     predictions = random_predictions("lvis", truth, seed=12, per_image=320)
-    summary = evaluate(tmp_path / "lvis", "lvis", truth, predictions).summary
+    summary = evaluate(tmp_path / "lvis", "lvis", truth, predictions)
     assert summary.counts.lost_to_cap == 40
     truth = random_truth("coco", seed=12, images=2, categories=2)
     predictions = [
         {**p, "category_id": 5} for p in random_predictions("coco", truth, seed=1, per_image=120)
     ]
-    summary = evaluate(tmp_path / "coco", "coco", truth, predictions).summary
+    summary = evaluate(tmp_path / "coco", "coco", truth, predictions)
     assert summary.counts.lost_to_cap == 40
 
 
@@ -185,10 +183,10 @@ def test_false_positives_that_cost_nothing_are_counted(tmp_path):
     truth["annotations"] = [a for a in truth["annotations"] if a["category_id"] != 5]
     predictions = random_predictions("coco", truth, seed=13)
     free = sum(p["category_id"] == 5 for p in predictions)
-    with_them = evaluate(tmp_path / "a", "coco", truth, predictions).summary
+    with_them = evaluate(tmp_path / "a", "coco", truth, predictions)
     without = evaluate(
         tmp_path / "b", "coco", truth, [p for p in predictions if p["category_id"] != 5]
-    ).summary
+    )
     assert with_them.counts.false_positives_in_absent_categories == free > 0
     assert with_them.official == without.official
 
@@ -199,7 +197,7 @@ def test_images_without_any_truth(task, kind, tmp_path):
     truth = random_truth(task, seed=14)
     predictions = random_predictions(task, truth, seed=14)
     truth["annotations"] = []
-    summary = evaluate(tmp_path, task, truth, predictions, evaluator=kind).summary
+    summary = evaluate(tmp_path, task, truth, predictions, evaluator=kind)
     assert set(summary.official) == {-1.0}
     assert set(summary.metrics.values()) == {None}
     assert summary.ties.expected is None
@@ -216,18 +214,18 @@ def test_predictions_nobody_verified_are_dropped_and_counted(tmp_path):
     present = {(a["image_id"], a["category_id"]) for a in truth["annotations"]}
     predictions = random_predictions("lvis", truth, seed=15)
     strangers = [p for p in predictions if (p["image_id"], p["category_id"]) not in present]
-    summary = evaluate(tmp_path / "a", "lvis", truth, strangers).summary
+    summary = evaluate(tmp_path / "a", "lvis", truth, strangers)
     assert summary.counts.unverified_dropped == len(strangers) > 0
     assert summary.metrics["AP"] == 0.0
     assert summary.matched.class_aware.n_dt == 0
-    whole = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
+    whole = evaluate(tmp_path / "b", "lvis", truth, predictions)
     kept = [p for p in predictions if (p["image_id"], p["category_id"]) in present]
-    assert evaluate(tmp_path / "c", "lvis", truth, kept).summary.official == whole.official
+    assert evaluate(tmp_path / "c", "lvis", truth, kept).official == whole.official
 
 
 def test_a_single_image_has_no_interval(tmp_path):
     truth = random_truth("coco", seed=16, images=1, per_image=5)
     assert truth["annotations"]
-    summary = evaluate(tmp_path, "coco", truth, as_predictions("coco", truth)).summary
+    summary = evaluate(tmp_path, "coco", truth, as_predictions("coco", truth))
     assert summary.metrics["AP"] is not None
     assert all(x.low is None for x in summary.intervals.values())

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from legoworld.comparison.provenance import NOT_RECORDED
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.outcomes import FALSE_POSITIVE, TRUE_POSITIVE
 from legoworld.records.evaluation_summary import TieSpread
 from legoworld.records.evaluation_view import TrueAnnotation
 from legoworld.records.report_page import Advice

@@ -9,7 +9,7 @@ import pytest
 from evaluation.detection_runs import random_predictions, random_truth
 from report.pages import document_of, evaluated
 
-from legoworld.evaluation.detection.inputs.masks import overlaps
+from legoworld.evaluation.detection.payloads.boxes import overlaps
 from legoworld.report.error_kinds import ImageErrors, image_errors
 
 CUP, BOWL = 1, 2

@@ -250,5 +250,5 @@ EVALUATION: Final = EvaluationFamily(
     metrics=depth_metrics,
     notes=depth_notes,
     truth_is_file=False,
-    live=live_pixels(PIXELS, {"camera_model": "none"}),
+    live=live_pixels(PIXELS),
 )

@@ -18,12 +18,12 @@ from legoworld.evaluation.detection.inputs.masks import (
     areas_px,
     compress_mask,
     intersection_px,
-    overlaps,
     union,
 )
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.matched_metrics import HIT, Pairs
+from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.problem import Floats, Problem
 from legoworld.evaluation.metrics import MetricPart, MetricRow, fraction, number_cell
 from legoworld.records.base import number
@@ -70,7 +70,7 @@ class AmodalMasks(NamedTuple):
         n, pixels = len(self.amodal), dict[tuple[int, int], int]()
         for first in range(0, n, _BLOCK):
             block = self.visible[first : first + _BLOCK]
-            share = overlaps(block, self.amodal, [1] * n)  # of the visible masks
+            share = MASKS.compare_shapes(block, self.amodal, [1] * n)  # of the visible masks
             counts = np.rint(share * self.visible_px[first : first + _BLOCK, None])
             for i, j in np.argwhere(counts > 0).tolist():
                 pixels[first + i, j] = int(counts[i, j])

@@ -18,9 +18,9 @@ from legoworld.evaluation.detection.inputs.predictions import (
     with_equal_confidence,
 )
 from legoworld.evaluation.detection.inputs.truth import Truth, read_truth
-from legoworld.evaluation.detection.matching import matches_file
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE
+from legoworld.evaluation.detection.matching import outcomes
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
+from legoworld.evaluation.detection.matching.outcomes import FALSE_POSITIVE
 from legoworld.evaluation.detection.payloads.amodal import AMODAL
 from legoworld.evaluation.detection.problem import Ints
 from legoworld.evaluation.detection.protocols import DetectionProtocol, detection_protocol
@@ -35,7 +35,7 @@ from legoworld.evaluation.detection.scoring import (
     ranked_score,
     score,
 )
-from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
+from legoworld.evaluation.family import EvaluationRequest, make_configuration, prepare_inputs
 from legoworld.evaluation.run import Run, read_predictions, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
@@ -61,8 +61,8 @@ from legoworld.records.evaluation_summary import (
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 
 
-def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSummary]:
-    """Score a coco or lvis run and write the evaluation folder.
+def evaluate_detections(request: EvaluationRequest) -> DetectionSummary:
+    """Score a coco or lvis run and write the evaluation folder; return its summary.
 
     The option evaluator: None for the official one where it is installed, else the fast one. Any
     pool gives the same bytes. Every LegoWorldError is raised before anything is written.
@@ -71,12 +71,8 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
     protocol = detection_protocol(run.task)
     kind = request.options.get("evaluator") or default_evaluator(protocol, request.warn)
     truth = read_truth(request.truth, protocol, run)
-    configuration = DetectionConfiguration(
-        task=run.task,
-        evaluator=kind,
-        draws=draws,
-        seed=request.seed,
-        card_sha256=protocol.card.sha256,
+    configuration = make_configuration(
+        request, protocol.card, DetectionConfiguration, evaluator=kind
     )
     inputs = prepare_inputs(request, [("truth", request.truth), *run.inputs], configuration)
     notice("checking the predictions")
@@ -102,11 +98,11 @@ def evaluate_detections(request: EvaluationRequest) -> Evaluation[DetectionSumma
         inputs=inputs,
         per_image=per_image_rows(run, predictions, own, sums),
         per_category=per_category_rows(truth, own),
-        matches=matches_file.pack_matches(own, equal),
+        matches=outcomes.pack_matches(own, equal),
         view={**views(truth, predictions, own), "run.json": run_view(run)},
     )
     write_evaluation(request.output, evaluation, overwrite=request.overwrite)
-    return evaluation
+    return summary
 
 
 def default_evaluator(protocol: DetectionProtocol, warn: Notice) -> EvaluatorKind:

@@ -185,8 +185,8 @@ def _lvis(truth: Truth, predictions: Predictions) -> OfficialScores:
         evaluation.run()
         evaluation.print_results()
     return OfficialScores(
-        name="lvis",
-        version=metadata.version("lvis"),
+        name=lvis_package.PACKAGE,
+        version=metadata.version(lvis_package.PACKAGE),
         official=tuple(float(x) for x in evaluation.get_results().values()),
         lines=_printed_lines(printed.getvalue()),
         precision=np.asarray(evaluation.eval["precision"]),

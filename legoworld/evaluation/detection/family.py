@@ -25,7 +25,7 @@ from legoworld.evaluation.detection.inputs.predictions import (
     prediction_type,
 )
 from legoworld.evaluation.detection.inputs.truth import Truth, read_truth, select_images
-from legoworld.evaluation.detection.matching import matches_file
+from legoworld.evaluation.detection.matching import outcomes
 from legoworld.evaluation.detection.matching.matched_metrics import matched_document
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
@@ -66,20 +66,20 @@ def detection_checks(
     raw = evidence.raw.official, evidence.equal_confidence.official
     shown = summary.official, summary.equal_confidence.official
     for policy, name, official, again in zip(
-        (matches_file.OWN, matches_file.EQUAL),
+        (outcomes.OWN, outcomes.EQUAL),
         ("own scores", "equal confidence"),
         raw,
         shown,
         strict=True,
     ):
-        curves = accumulate(matches_file.table_from(arrays, policy), protocol)
+        curves = accumulate(outcomes.table_from(arrays, policy), protocol)
         ours = np.array([metric_value(m, curves, frequencies) for m in protocol.metrics])
         worst = float(np.abs(ours - official).max())
         status = "ok" if worst <= AGREEMENT else "DIFFERS"
         yield Check(status, f"metrics from matches, {name}", f"largest difference {worst:.1e}")
         yield check_equal(f"summary against raw metrics, {name}", list(again), list(official))
     for kind, aware in (("class_aware", True), ("class_agnostic", False)):
-        counts = matches_file.counts_from(arrays, class_aware=aware)
+        counts = outcomes.counts_from(arrays, class_aware=aware)
         document = as_json(matched_document(counts, class_aware=aware))
         yield check_equal(f"matched IoU, {kind}", document, as_json(getattr(summary.matched, kind)))
     predictions = decode(list[Prediction], (folder / VIEW / "predictions.json").read_bytes())
@@ -151,7 +151,7 @@ def _verify(recorded: RecordedEvaluation) -> Iterator[Check]:
 
 
 EVALUATION: Final = EvaluationFamily(
-    evaluate=lambda request: evaluate_detections(request).summary,
+    evaluate=evaluate_detections,
     verify=_verify,
     short=short_detections,
     metrics=detection_metrics,

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from legoworld import exit_codes
 from legoworld.errors import LegoWorldError
 from legoworld.files import Json
 
+PACKAGE: Final = "lvis"
 HOW_TO_INSTALL = "pip install --no-deps lvis==0.5.3"
 
 
@@ -36,7 +37,7 @@ class LvisMissingError(LegoWorldError):
 
 def is_installed() -> bool:
     """Whether the official LVIS evaluator is installed."""
-    return importlib.util.find_spec("lvis") is not None
+    return importlib.util.find_spec(PACKAGE) is not None
 
 
 def load() -> ModuleType:
@@ -48,7 +49,7 @@ def load() -> ModuleType:
             expected="lvis 0.5.3",
             next_step=f"{HOW_TO_INSTALL}, or score with --evaluator fast",
         )
-    package = sys.modules.get("lvis") or _import()
+    package = sys.modules.get(PACKAGE) or _import()
     evaluation = importlib.import_module("lvis.eval")
     if not isinstance(evaluation.np, _NumpyWithFloat):
         evaluation.np = _NumpyWithFloat()  # type: ignore[attr-defined]
@@ -72,7 +73,7 @@ def results(package: ModuleType, truth: Any, entries: Sequence[Mapping[str, Json
 @contextmanager
 def quiet() -> Iterator[None]:
     """Suppress lvis's log messages, which concern things already checked."""
-    logger = logging.getLogger("lvis")
+    logger = logging.getLogger(PACKAGE)
     before = logger.disabled, logger.level
     logger.setLevel(logging.CRITICAL)
     try:
@@ -106,7 +107,7 @@ def _import() -> ModuleType:
     set_up, logging.basicConfig = logging.basicConfig, lambda **_: None
     sys.modules["lvis.vis"] = stub
     try:
-        return importlib.import_module("lvis")
+        return importlib.import_module(PACKAGE)
     finally:
         logging.basicConfig = set_up
         del sys.modules["lvis.vis"]

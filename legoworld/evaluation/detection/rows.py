@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
 from legoworld.evaluation.detection.matching.matched_metrics import COLUMNS, MatchedCounts
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 from legoworld.evaluation.detection.problem import Floats, Ints
 from legoworld.evaluation.detection.ranking.accumulation import Curves
 from legoworld.evaluation.detection.scoring import Score

@@ -19,7 +19,6 @@ from legoworld.evaluation.detection.evaluators import (
 )
 from legoworld.evaluation.detection.inputs.predictions import Predictions
 from legoworld.evaluation.detection.inputs.truth import Truth
-from legoworld.evaluation.detection.matching.greedy import MatchTable, match_table
 from legoworld.evaluation.detection.matching.matched_metrics import (
     MatchedCounts,
     Pairs,
@@ -27,6 +26,7 @@ from legoworld.evaluation.detection.matching.matched_metrics import (
     matched_metrics,
 )
 from legoworld.evaluation.detection.matching.matches import match_and_pair, match_states
+from legoworld.evaluation.detection.matching.outcomes import MatchTable, match_table
 from legoworld.evaluation.detection.problem import Problem, build_problem
 from legoworld.evaluation.detection.protocols import DetectionProtocol
 from legoworld.evaluation.detection.ranking.accumulation import Curves, accumulate, metric_value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,10 +11,15 @@ import numpy as np
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.bootstrap import centred_interval, check_draws, resample_counts
+from legoworld.evaluation.bootstrap import centred_interval, resample_counts
 from legoworld.evaluation.checks import Check, refuse_unseen
-from legoworld.evaluation.evidence import agreement
-from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation, prepare_inputs
+from legoworld.evaluation.evidence import agreement, check_rows, spread_evenly
+from legoworld.evaluation.family import (
+    EvaluationRequest,
+    RecordedEvaluation,
+    make_configuration,
+    prepare_inputs,
+)
 from legoworld.evaluation.label_maps.family import (
     MapFamily,
     MapInvalidError,
@@ -30,7 +34,7 @@ from legoworld.evaluation.label_maps.family import (
 from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share
-from legoworld.records.base import as_json, number
+from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Evaluator
 from legoworld.records.evidence import ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
@@ -48,8 +52,6 @@ from legoworld.workers.tasks import map_items
 
 #: Images whose measuring takes as long as other processes take to start.
 _FEW: Final = 32
-#: Images that verification measures again, spread evenly.
-_AGAIN: Final = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,11 +72,8 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
     """
     run = request.run.absolute()
     card = load_card(run.task)
-    check_draws(request.draws, request.seed)
+    configuration = make_configuration(request, card, ScoreConfiguration)
     items, truth = _items(family, run, request.truth.absolute())
-    configuration = ScoreConfiguration(
-        task=run.task, card_sha256=card.sha256, draws=request.draws, seed=request.seed
-    )
     answers = [("answer", item.path) for item in items if item.path and item.path.is_file()]
     files = [("run", run.folder / RUN), ("run_rows", run.folder / ROWS), *answers, *truth.inputs]
     inputs = prepare_inputs(request, files, configuration)
@@ -237,11 +236,8 @@ def verify_maps(family: MapFamily, recorded: RecordedEvaluation) -> Iterator[Che
         return
     run_file, truth_file = recorded.input("run"), recorded.input("truth")
     run = read_family_run(run_file.parent, family.family, f"a run of {family.noun}")
-    items = _find_items(family, run, truth_file)
-    stored = {row.image_id: as_json(row) for row in rows}
-    for item in items[:: max(1, math.ceil(len(items) / _AGAIN))]:
-        row, _ = _measure_task(_task(family, item))
-        yield agreement(f"row of image {row.image_id}", as_json(row), stored.get(row.image_id))
+    items = spread_evenly(_find_items(family, run, truth_file))
+    yield from check_rows(recorded, (_measure_task(_task(family, item))[0] for item in items))
 
 
 def _find_items(family: MapFamily, run: Run, first: Path) -> list[MapItem]:

@@ -226,5 +226,5 @@ EVALUATION: Final = EvaluationFamily(
     metrics=normals_metrics,
     notes=normals_notes,
     truth_is_file=False,
-    live=live_pixels(PIXELS, {}),
+    live=live_pixels(PIXELS),
 )

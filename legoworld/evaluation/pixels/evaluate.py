@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,10 +9,14 @@ from typing import Any, Final, cast
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.checks import Check, refuse_unseen
-from legoworld.evaluation.evidence import agreement, check_summary
-from legoworld.evaluation.family import EvaluationRequest, RecordedEvaluation, prepare_inputs
+from legoworld.evaluation.evidence import agreement, check_rows, check_summary, spread_evenly
+from legoworld.evaluation.family import (
+    EvaluationRequest,
+    RecordedEvaluation,
+    make_configuration,
+    prepare_inputs,
+)
 from legoworld.evaluation.pixels.family import (
     ImageResult,
     Options,
@@ -32,7 +35,6 @@ from legoworld.evaluation.pixels.rows import (
 from legoworld.evaluation.pixels.summary import summarise
 from legoworld.evaluation.run import run_view
 from legoworld.files import names_a_file
-from legoworld.records.base import as_json
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.pixels import PixelRow
@@ -41,8 +43,6 @@ from legoworld.workers.tasks import WorkerPool, map_items
 
 #: Bytes of ground truth that are scored in the time that other processes take to start.
 _FEW_BYTES: Final = 16 << 20
-#: Number of images to re-score, spread evenly over the track: a full-size one takes seconds.
-SCORED_AGAIN: Final = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,16 +104,11 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     run = pixel_run(request.run.absolute(), family)
     protocol = family.protocol(load_card(run.run.task))
     files = family.find_truth(truth, [image.image for image in run.images])
-    check_draws(settings.draws, settings.seed)
-    family.check(run, files, options)
-    configuration = family.records.configuration(
-        task=protocol.card.task,
-        card_version=protocol.card.version,
-        card_sha256=protocol.card.sha256,
-        draws=settings.draws,
-        seed=settings.seed,
-        **options,
+    card = protocol.card
+    configuration = make_configuration(
+        request, card, family.records.configuration, card_version=card.version, **options
     )
+    family.check(run, files, options)
     inputs = prepare_inputs(request, _inputs(run, truth / family.declaration, files), configuration)
     rows: list[PixelRow] = []
     views: dict[str, Any] = {"run.json": run_view(run.run)}
@@ -201,12 +196,9 @@ def _rescore_rows(
     """Re-score up to `SCORED_AGAIN` images from the available run and ground truth."""
     run = read_pixel_run(recorded.input("run").parent, family)
     files = _truth_files(recorded.input("truth"), [image.image for image in run.images], family)
-    rows = {row.image_id: as_json(row) for row in recorded.rows}
-    step = max(1, math.ceil(len(run.images) / SCORED_AGAIN))
-    for image, file in list(zip(run.images, files, strict=True))[::step]:
-        again = as_json(score_row(image, file, family, run.run.task, options).row)
-        image_id = image.image.image_id
-        yield agreement(f"row of image {image_id}", again, rows.get(image_id))
+    some = spread_evenly(list(zip(run.images, files, strict=True)))
+    results = (score_row(image, file, family, run.run.task, options) for image, file in some)
+    yield from check_rows(recorded, (result.row for result in results))
 
 
 def _truth_files(

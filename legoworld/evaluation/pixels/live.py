@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from legoworld.cards import load_card
 from legoworld.errors import UsageError
 from legoworld.evaluation.family import LiveAnswers, LiveFamily, LiveTruth, Scores
-from legoworld.evaluation.pixels.family import Options, PixelFamily, PixelTruth
+from legoworld.evaluation.pixels.family import PixelFamily, PixelTruth
 from legoworld.evaluation.pixels.rows import score_values
 from legoworld.evaluation.pixels.summary import means
 from legoworld.records.run_rows import RunImage
@@ -20,8 +20,8 @@ Truths = Mapping[int, PixelTruth]
 _ARRAYS: Final = "an array of the picture, or a mapping of arrays by image id"
 
 
-def live_pixels(family: PixelFamily, options: Options) -> LiveFamily:
-    """Scoring in memory of a family. options: its own parameters."""
+def live_pixels(family: PixelFamily) -> LiveFamily:
+    """Scoring in memory of a family, by its own parameters' defaults."""
 
     def score(
         task: str, truths: Truths, answers: LiveAnswers, image_ids: Collection[int] | None
@@ -38,7 +38,7 @@ def live_pixels(family: PixelFamily, options: Options) -> LiveFamily:
         rows = []
         for i in ids:
             image = RunImage(image_id=i, file_name=str(i), status="ok")
-            rows.append(score_values(image, given[i], truths[i], family, task, options).row)
+            rows.append(score_values(image, given[i], truths[i], family, task).row)
         values = means([row.scores for row in rows if row.scores], family.metrics)
         evaluator = family.protocol(load_card(task)).evaluator
         return Scores(

@@ -144,15 +144,10 @@ def score_row(
 
 
 def score_values(
-    image: RunImage,
-    values: NDArray[Any],
-    truth: PixelTruth,
-    family: PixelFamily,
-    task: str,
-    options: Options,
+    image: RunImage, values: NDArray[Any], truth: PixelTruth, family: PixelFamily, task: str
 ) -> ImageResult:
     """Score one image of arrays in memory, `score_row`. values: (H, W), or (H, W, 3) of normals."""
-    row = _truth_row(image, truth, family)
+    row, options = _truth_row(image, truth, family), family.options
     return _measure_image(row, truth, None, lambda _: family.array(values), family, task, options)
 
 

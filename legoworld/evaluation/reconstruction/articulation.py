@@ -30,11 +30,12 @@ from legoworld.records.bench_dataset import (
 from legoworld.records.joints import JOINT_TYPES, SceneJoint
 from legoworld.records.track import Vector
 from legoworld.shipped import catalog
+from legoworld.tasks.shipped import BENCH
 
 _CARD: Final = "pilots/articulation"
 _FIXED: Final[dict[str, Any]] = {
     "pilot.name": "articulation",
-    "pilot.task": "bench",
+    "pilot.task": BENCH,
     "pilot.status": "provisional",
     "joints.types": list(JOINT_TYPES),
     "joints.property": "joint",

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld.cards import load_card
-from legoworld.evaluation.bootstrap import check_draws
-from legoworld.evaluation.family import EvaluationRequest, prepare_inputs
+from legoworld.evaluation.family import EvaluationRequest, make_configuration, prepare_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.dataset import (
@@ -48,21 +47,19 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
     )
     draws, seed = request.draws, request.seed
     check_sampling(choices.sampling)
-    check_draws(draws, seed)
     dataset, run = read_dataset(request.truth.absolute()), bench_run(request.run.absolute())
     protocol = bench_protocol(load_card(run.run.task))
     second = second_card(dataset, protocol)
     ids = [row.image_id for row in run.rows]
     track_sha256 = run.run.configuration.track_sha256 or None
     check_run(dataset, run.run.folder.name, track_sha256, ids, second.sha256 if second else None)
-    configuration = BenchConfiguration(
-        task=protocol.card.task,
+    configuration = make_configuration(
+        request,
+        protocol.card,
+        BenchConfiguration,
         card_version=protocol.card.version,
-        card_sha256=protocol.card.sha256,
         reference_sampling=choices.sampling,
         diagnostics=choices.diagnostics,
-        draws=draws,
-        seed=seed,
     )
     files = [*_inputs(run, dataset, choices), *_second_inputs(run, dataset, second)]
     inputs = prepare_inputs(request, files, configuration)

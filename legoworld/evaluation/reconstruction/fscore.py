@@ -5,7 +5,6 @@ By which submitted point answers to which reference point, object by object, and
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 from legoworld.evaluation.reconstruction.nearest import GridSurface, hits_between, nearest_between
 from legoworld.evaluation.reconstruction.points import (
     F64,
@@ -195,11 +194,6 @@ def voxel_ious(reference_m: F64, submitted_m: F64, edges_m: Sequence[float]) -> 
     assert ours.shape[1:] == theirs.shape[1:] == (3,)
     edges = np.array(edges_m, np.float64)
     both, either = (np.zeros(len(edges), np.int64) for _ in range(2))
-    check(
-        library().lw_voxels(
-            pointer(ours), ctypes.c_int64(len(ours)), pointer(theirs), ctypes.c_int64(len(theirs)),
-            pointer(edges), ctypes.c_int64(len(edges)), pointer(both), pointer(either),
-        )
-    )  # fmt: skip
+    call("lw_voxels", ours, len(ours), theirs, len(theirs), edges, len(edges), both, either)
     pairs = zip(both.tolist(), either.tolist(), strict=True)
     return [shared / of if of else None for shared, of in pairs]

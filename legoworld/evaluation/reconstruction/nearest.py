@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.kernels.library import check, library, pointer, pointers
+from legoworld.evaluation.kernels.library import call, pointer, pointers
 from legoworld.evaluation.reconstruction.points import Depth, Labels, Raster, Tolerance
 
 
@@ -84,19 +84,15 @@ def nearest_between(
     lanes: float64 numbers in a vector at most, for tests: the same answers.
     """
     shape = a.raster.height, a.raster.width
-    call = _Call(a, b, _labels(a, b), tolerances, lanes)
+    pair = _Pair(a, b, _labels(a, b), tolerances, lanes)
     nearest = [
         Nearest(squared_m2=np.full(shape, np.inf), index=np.full(shape, -1, np.int32))
         for _ in range(2)
     ]
-    check(
-        library().lw_nearest(
-            *call.arguments(),
-            pointer(nearest[0].squared_m2), pointer(nearest[0].index),
-            pointer(nearest[1].squared_m2), pointer(nearest[1].index),
-        )
-    )  # fmt: skip
-    return nearest[0], nearest[1]
+    first, second = nearest
+    answers = first.squared_m2, first.index, second.squared_m2, second.index
+    call("lw_nearest", *pair.arguments(), *answers)
+    return first, second
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,10 +118,10 @@ def hits_between(
     lanes: int = WIDEST,
 ) -> Hits:
     """The hits of `nearest_between`, counted by label: 0 .. labels - 1."""
-    call = _Call(a, b, max(labels, _labels(a, b)), tolerances, lanes)
-    sizes = np.zeros((call.labels, 2), np.int64)
-    counts = [np.zeros((call.labels, len(tolerances)), np.int64) for _ in range(2)]
-    check(library().lw_hits(*call.arguments(), pointer(sizes), *(pointer(c) for c in counts)))
+    pair = _Pair(a, b, max(labels, _labels(a, b)), tolerances, lanes)
+    sizes = np.zeros((pair.labels, 2), np.int64)
+    counts = [np.zeros((pair.labels, len(tolerances)), np.int64) for _ in range(2)]
+    call("lw_hits", *pair.arguments(), sizes, *counts)
     of_a, of_b = (c[:labels] for c in counts)
     return Hits(n_a=sizes[:labels, 0], n_b=sizes[:labels, 1], a=of_a, b=of_b)
 
@@ -135,7 +131,7 @@ def _labels(a: GridSurface, b: GridSurface) -> int:
     return max(int(highest if b.label is a.label else max(highest, b.label.max(initial=-1))) + 1, 1)
 
 
-class _Call:
+class _Pair:
     """The arguments that both functions begin with, and the arrays that they point into."""
 
     def __init__(
@@ -153,11 +149,8 @@ class _Call:
         self._absolute = np.array([t.absolute_m for t in tolerances], np.float64)
 
     def arguments(self) -> tuple[object, ...]:
-        return (
-            *(ctypes.byref(struct) for struct in self._structs),
-            pointer(self._relative), pointer(self._absolute),
-            ctypes.c_int32(len(self._relative)), ctypes.c_int32(self._lanes),
-        )  # fmt: skip
+        n = ctypes.c_int32(len(self._relative))
+        return (*self._structs, self._relative, self._absolute, n, ctypes.c_int32(self._lanes))
 
 
 def share_raster(

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 from legoworld.evaluation.reconstruction import appearance
 from legoworld.evaluation.reconstruction.dataset import (
     BenchCase,
@@ -249,13 +249,8 @@ def within(
     near = np.zeros(len(points_m), np.uint8)
     if len(points_m) and len(targets_m):
         points, targets = (np.ascontiguousarray(c, np.float32) for c in (points_m, targets_m))
-        check(
-            library().lw_within(
-                pointer(points), ctypes.c_int64(len(points)),
-                pointer(targets), ctypes.c_int64(len(targets)),
-                ctypes.c_double(tau_m), pointer(near),
-            )
-        )  # fmt: skip
+        tau = ctypes.c_double(tau_m)
+        call("lw_within", points, len(points), targets, len(targets), tau, near)
     return near.view(bool)
 
 

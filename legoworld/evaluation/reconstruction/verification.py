@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from typing import Final, cast
+from typing import cast
 
 from legoworld.cards import load_card
 from legoworld.evaluation.checks import Check
-from legoworld.evaluation.evidence import agreement, check_summary
+from legoworld.evaluation.evidence import agreement, check_rows, check_summary, spread_evenly
 from legoworld.evaluation.family import RecordedEvaluation
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
 from legoworld.evaluation.reconstruction.dataset import read_dataset
@@ -16,12 +15,8 @@ from legoworld.evaluation.reconstruction.evaluate import case_tasks, second_card
 from legoworld.evaluation.reconstruction.protocol import Choices, bench_protocol
 from legoworld.evaluation.reconstruction.submission import read_bench_run
 from legoworld.evaluation.reconstruction.summary import Settings, summarise
-from legoworld.records.base import as_json
 from legoworld.records.reconstruction import BenchEvidence, ReconstructionRow, ReconstructionSummary
 from legoworld.workers.tasks import IN_PROCESS
-
-#: Cases scored again, spread evenly over the track.
-SCORED_AGAIN: Final = 10
 
 
 def verify_bench(recorded: RecordedEvaluation) -> Iterator[Check]:
@@ -59,7 +54,5 @@ def _rescore_cases(recorded: RecordedEvaluation, evidence: BenchEvidence) -> Ite
     protocol = bench_protocol(load_card(run.run.task))
     second = second_card(dataset, protocol)
     tasks = case_tasks(run, dataset, protocol, choices, second)
-    some = tasks[:: max(1, math.ceil(len(tasks) / SCORED_AGAIN))]
-    stored = {row.image_id: as_json(row) for row in recorded.rows}
-    for row in scored_cases(seen_tasks(some), IN_PROCESS):
-        yield agreement(f"row of image {row.image_id}", as_json(row), stored.get(row.image_id))
+    again = scored_cases(seen_tasks(spread_evenly(tasks)), IN_PROCESS)
+    yield from check_rows(recorded, again)

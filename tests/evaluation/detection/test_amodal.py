@@ -62,7 +62,7 @@ def scored(folder, truth, predictions, **options):
     run = write_run(folder / "run", "amodal", truth, predictions)
     file = write_truth(folder / "truth.json", truth)
     made = evaluate_detections(run, file, folder / "eval", draws=20, **options)
-    return made.summary, read_rows(folder / "eval" / "per_image.jsonl")
+    return made, read_rows(folder / "eval" / "per_image.jsonl")
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -266,7 +266,7 @@ def test_cocoa_is_read_region_by_region(tmp_path):
     answer = [{**annotation(7, 1, square, seen), "score": 1.0},
               {**annotation(7, 2, wall, wall), "score": 1.0}]  # fmt: skip
     run = write_run(tmp_path / "run", "amodal", {**truth, "categories": categories}, answer)
-    summary = evaluate_detections(run, file, tmp_path / "eval", draws=5).summary
+    summary = evaluate_detections(run, file, tmp_path / "eval", draws=5)
     assert summary.metrics["AP"] == pytest.approx(1)
     assert summary.amodal.metrics["order_f1"] == 1
     assert summary.amodal.levels["heavy"].truth_instances == 1
@@ -286,7 +286,7 @@ def test_an_export_is_a_truth(tmp_path):
     file.write_text(json.dumps({"schema_version": 1, **track}))
     made = export(run, tmp_path / "kins.json", track=file, format="kins")
     assert made.annotations[0].a_area >= made.annotations[0].i_area
-    summary = evaluate_detections(run, tmp_path / "kins.json", tmp_path / "eval", draws=5).summary
+    summary = evaluate_detections(run, tmp_path / "kins.json", tmp_path / "eval", draws=5)
     assert summary.amodal.metrics["order_f1"] == 1
     plain = export(run, tmp_path / "coco.json", track=file)
     assert "inmodal_seg" not in (tmp_path / "coco.json").read_text()

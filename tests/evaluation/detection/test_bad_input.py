@@ -139,9 +139,9 @@ def test_boxes_in_the_right_format_are_never_suspected():
 def test_the_id_zero_that_the_official_evaluator_loses_is_repaired_and_counted(tmp_path):
     truth = random_truth("coco", seed=3)
     predictions = random_predictions("coco", truth, seed=3)
-    whole = evaluate(tmp_path / "a", "coco", truth, predictions).summary
+    whole = evaluate(tmp_path / "a", "coco", truth, predictions)
     truth["annotations"][0]["id"] = 0
-    again = evaluate(tmp_path / "b", "coco", truth, predictions).summary
+    again = evaluate(tmp_path / "b", "coco", truth, predictions)
     assert again.official == whole.official
     assert any("annotation id 0" in w for w in again.warnings)
 
@@ -149,10 +149,10 @@ def test_the_id_zero_that_the_official_evaluator_loses_is_repaired_and_counted(t
 def test_uncompressed_masks_are_compressed_and_counted(tmp_path):
     truth = random_truth("lvis", seed=4)
     predictions = random_predictions("lvis", truth, seed=4)
-    whole = evaluate(tmp_path / "a", "lvis", truth, predictions).summary
+    whole = evaluate(tmp_path / "a", "lvis", truth, predictions)
     for p in predictions[:5]:
         p["segmentation"]["counts"] = runs_of(p["segmentation"])
-    again = evaluate(tmp_path / "b", "lvis", truth, predictions).summary
+    again = evaluate(tmp_path / "b", "lvis", truth, predictions)
     assert again.official == whole.official
     assert any(w.startswith("5 masks with uncompressed") for w in again.warnings)
 
@@ -160,9 +160,9 @@ def test_uncompressed_masks_are_compressed_and_counted(tmp_path):
 def test_a_box_beside_a_mask_is_left_out_and_counted(tmp_path):
     truth = random_truth("lvis", seed=4)
     predictions = random_predictions("lvis", truth, seed=4)
-    whole = evaluate(tmp_path / "a", "lvis", truth, predictions).summary
+    whole = evaluate(tmp_path / "a", "lvis", truth, predictions)
     boxed = [{**p, "bbox": [0, 0, 1, 1]} for p in predictions[:7]] + predictions[7:]
-    again = evaluate(tmp_path / "b", "lvis", truth, boxed).summary
+    again = evaluate(tmp_path / "b", "lvis", truth, boxed)
     assert again.official == whole.official
     assert "7 masks with a bbox, which was left out" in again.warnings
 
@@ -171,7 +171,7 @@ def test_masks_without_a_pixel_are_dropped_and_counted(tmp_path):
     truth = random_truth("lvis", seed=5)
     predictions = random_predictions("lvis", truth, seed=5)
     empty = {**predictions[0], "segmentation": {"size": [90, 120], "counts": [90 * 120]}}
-    summary = evaluate(tmp_path, "lvis", truth, [*predictions, empty]).summary
+    summary = evaluate(tmp_path, "lvis", truth, [*predictions, empty])
     assert summary.counts.empty_masks_dropped == 1
 
 
@@ -337,7 +337,7 @@ def test_half_a_surrogate_pair_in_a_name_is_one_line(where, tmp_path, capsys):
 def test_a_pair_of_surrogates_is_a_character_of_a_name(tmp_path):
     truth = random_truth("coco", seed=1)
     truth["images"][0]["file_name"] = "\N{GRINNING FACE}.jpg"
-    assert evaluate(tmp_path, "coco", truth, []).summary.coverage.attempted == len(truth["images"])
+    assert evaluate(tmp_path, "coco", truth, []).coverage.attempted == len(truth["images"])
 
 
 def test_predictions_of_an_unread_image_are_refused(tmp_path):
@@ -353,7 +353,7 @@ def test_another_evaluation_is_not_overwritten(tmp_path):
     truth = random_truth("coco", seed=1)
     predictions = random_predictions("coco", truth, seed=1)
     first = evaluate(tmp_path, "coco", truth, predictions)
-    assert evaluate(tmp_path, "coco", truth, predictions).summary == first.summary
+    assert evaluate(tmp_path, "coco", truth, predictions) == first
     with pytest.raises(ConfigurationMismatchError, match="draws: 20 -> 30"):
         evaluate(tmp_path, "coco", truth, predictions, draws=30)
     with pytest.raises(ConfigurationMismatchError, match="input predictions"):

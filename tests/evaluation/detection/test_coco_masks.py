@@ -12,7 +12,11 @@ from evaluation.official import direct_coco, evaluate
 from pycocotools import mask as coco_mask
 
 from legoworld.cli import run as call
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 from legoworld.track_making.make_track import make_track
 from legoworld.tracks.track import load_track, serves
 
@@ -88,7 +92,7 @@ def problem():
 def test_all_twelve_numbers_are_pycocotools(problem, kind, tmp_path):
     truth, predictions = problem
     evaluation = evaluate(tmp_path, "coco-masks", truth, predictions, evaluator=kind)
-    summary = evaluation.summary
+    summary = evaluation
     _, _, ordered = checked(tmp_path / "again", "coco-masks", truth, predictions)
     numbers, _ = direct_coco(tmp_path / "truth.json", ordered.entries.results(), "segm")
     assert summary.official == pytest.approx(numbers, abs=1e-12)
@@ -108,11 +112,11 @@ def test_all_twelve_numbers_are_pycocotools(problem, kind, tmp_path):
 def test_masks_without_a_pixel_are_false_positives_as_in_pycocotools(problem, tmp_path):
     """lvis drops them; pycocotools does not, and its number of the file is the file's number."""
     truth, predictions = problem
-    summary = evaluate(tmp_path / "with", "coco-masks", truth, predictions).summary
+    summary = evaluate(tmp_path / "with", "coco-masks", truth, predictions)
     assert summary.counts.empty_masks_dropped == 0
     assert any(w.startswith("25 masks without a pixel") for w in summary.warnings)
     full = [p for p in predictions if coco_mask.area(p["segmentation"]) > 0]
-    without = evaluate(tmp_path / "without", "coco-masks", truth, full).summary
+    without = evaluate(tmp_path / "without", "coco-masks", truth, full)
     assert without.metrics["AP"] > summary.metrics["AP"]
     assert without.warnings == ()
 
@@ -162,7 +166,7 @@ def test_own_masks_as_truth_score_one(tmp_path):
     random = np.random.default_rng(3)
     shapes = [blob(random, holes=True)[1] for _ in range(6)]
     truth, predictions = one(shapes, shapes, crowd=(0,) * 6)
-    summary = evaluate(tmp_path, "coco-masks", truth, predictions).summary
+    summary = evaluate(tmp_path, "coco-masks", truth, predictions)
     assert summary.metrics["AP"] == pytest.approx(1.0)
     assert summary.matched.class_aware.pq == pytest.approx(1.0)
 

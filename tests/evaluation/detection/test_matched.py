@@ -23,7 +23,11 @@ from pycocotools import mask as coco_mask
 
 from legoworld.evaluation.detection.evaluators import run_evaluator
 from legoworld.evaluation.detection.grid import PICTURE
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 from legoworld.evaluation.detection.ranking.accumulation import accumulate, metric_value
 from legoworld.evaluation.detection.scoring import category_frequencies
 

@@ -34,16 +34,16 @@ def test_random_runs(task, levels, kind, tmp_path):
     evaluation = evaluate(tmp_path, task, truth, predictions, evaluator=kind)
     ordered = sorted(predictions, key=by_canonical_key)
     numbers, lines = direct(task)(tmp_path / "truth.json", ordered)
-    assert evaluation.summary.official == pytest.approx(numbers, abs=1e-12)
+    assert evaluation.official == pytest.approx(numbers, abs=1e-12)
     protocol, *_ = checked(tmp_path / "again", task, truth, predictions)
-    assert official_lines(protocol, evaluation.summary.official) == lines
+    assert official_lines(protocol, evaluation.official) == lines
 
 
 @pytest.mark.parametrize("task", ["coco", "coco-masks", "lvis"])
 @pytest.mark.parametrize("kind", ["official", "fast"])
 def test_no_predictions_at_all_is_zero(task, kind, tmp_path):
     truth = random_truth(task, seed=5)
-    summary = evaluate(tmp_path, task, truth, [], evaluator=kind).summary
+    summary = evaluate(tmp_path, task, truth, [], evaluator=kind)
     assert summary.metrics["AP"] == 0.0
     assert summary.matched.class_aware.miou_gt_micro == 0.0
     assert summary.matched.class_aware.miou_matched is None
@@ -54,7 +54,7 @@ def test_no_predictions_at_all_is_zero(task, kind, tmp_path):
 def test_an_undefined_number_stays_minus_one_and_is_no_metric(task, tmp_path):
     truth = random_truth(task, seed=6, categories=3)
     truth["annotations"] = [a for a in truth["annotations"] if a["area"] > 32**2]
-    summary = evaluate(tmp_path, task, truth, random_predictions(task, truth, seed=1)).summary
+    summary = evaluate(tmp_path, task, truth, random_predictions(task, truth, seed=1))
     assert summary.official[3] == -1
     assert summary.metrics["APs"] is None
     assert summary.intervals["APs"].low is None
@@ -146,6 +146,6 @@ def test_an_area_on_a_border_is_in_both_ranges(side, areas, tmp_path):
                          "area": side * side, "iscrowd": 0}],
     }  # fmt: skip
     found = [{"image_id": 1, "category_id": 5, "score": 1.0, "bbox": [3, 4, side, side]}]
-    metrics = evaluate(tmp_path, "coco", truth, found).summary.metrics
+    metrics = evaluate(tmp_path, "coco", truth, found).metrics
     assert "".join(name for name in "sml" if metrics[f"AP{name}"] is not None) == areas
     assert [metrics[f"AP{name}"] for name in areas] == pytest.approx([1.0] * len(areas))

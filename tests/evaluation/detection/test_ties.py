@@ -17,7 +17,7 @@ from evaluation.detection_runs import (
 from hypothesis import example, given, settings
 from strategies import rankings
 
-from legoworld.evaluation.detection.matching.greedy import (
+from legoworld.evaluation.detection.matching.outcomes import (
     MatchTable,
 )
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -230,5 +230,5 @@ def test_the_number_of_threads_changes_no_bit(tmp_path, monkeypatch):
     )
     whole = order_aps(table, draws=200, seed=0)
     assert whole.std() > 0
-    monkeypatch.setattr("legoworld.evaluation.kernels.library._MOST_THREADS", 1)
+    monkeypatch.setattr("legoworld.workers.processors._MOST_THREADS", 1)
     np.testing.assert_array_equal(order_aps(table, draws=200, seed=0), whole)

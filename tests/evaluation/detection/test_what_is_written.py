@@ -206,7 +206,7 @@ def test_the_words_beside_the_numbers(tmp_path):
                          "area": 1600, "iscrowd": 0}],
     }  # fmt: skip
     predictions = [{"image_id": 1, "category_id": 1, "bbox": [0, 0, 40, 40], "score": 0.5}]
-    found = evaluate(tmp_path / "one", "coco", truth, predictions).summary
+    found = evaluate(tmp_path / "one", "coco", truth, predictions)
     rows = rows_of(found)
     assert rows["AP"] == ("1.0000", "-", "1 image, 1 category, 1 annotation")
     assert rows["APs"] == ("-", "-", "1 image, 0 categories, 0 annotations")
@@ -227,7 +227,7 @@ def test_the_words_beside_the_numbers(tmp_path):
         {**truth["annotations"][0], "id": 3, "image_id": 2, "category_id": 1, "area": 9},
     ]
     more = [*predictions, {**predictions[0], "image_id": 2, "score": 0.25}]
-    found = evaluate(tmp_path / "two", "coco", truth, more).summary
+    found = evaluate(tmp_path / "two", "coco", truth, more)
     rows = rows_of(found)
     assert rows["AP"][2] == "2 images, 2 categories, 3 annotations"
     assert rows["APs"][2] == "2 images, 1 category, 1 annotation"

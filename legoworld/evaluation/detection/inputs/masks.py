@@ -5,7 +5,6 @@ Compressed counts are texts; many are kept in one block of memory.
 
 from __future__ import annotations
 
-import ctypes
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as _mask
 
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 from legoworld.files import Json
 
 #: Number of positions looked up together.
@@ -109,20 +108,11 @@ class EncodedMask(TypedDict):
     counts: bytes
 
 
-#: (n, 4) boxes x, y, w, h, or n compressed masks.
-Shapes = NDArray[np.float64] | list[EncodedMask]
-
-
 def areas_px(masks: Sequence[EncodedMask]) -> NDArray[np.float64]:
     """(n,) pixels of compressed masks."""
     parts = [_API.area(list(masks[i : i + _MOST_AREAS])) for i in range(0, len(masks), _MOST_AREAS)]
     areas: NDArray[np.float64] = np.concatenate([*parts, np.empty(0)]).astype(np.float64)
     return areas
-
-
-def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArray[np.float64]:
-    """(detections, truths) IoU, at least one of each; of crowds, the detection's share."""
-    return np.asarray(_API.iou(detections, truths, list(crowd)), np.float64)
 
 
 def union(masks: Sequence[EncodedMask]) -> EncodedMask:
@@ -200,11 +190,7 @@ def measure_masks(counts: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.
     for first in range(0, len(texts), _MOST_MEASURED):
         end = min(first + _MOST_MEASURED, len(texts))
         text, start = texts.piece(first, end)
-        done = library().lw_measure_masks(
-            ctypes.c_char_p(text), pointer(start), ctypes.c_int64(end - first),
-            pointer(covered[first:]), pointer(area[first:]),
-        )  # fmt: skip
-        check(done)
+        call("lw_measure_masks", text, start, end - first, covered[first:], area[first:])
     return covered, area
 
 

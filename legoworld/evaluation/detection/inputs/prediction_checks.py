@@ -10,7 +10,7 @@ from msgspec import structs
 from numpy.typing import NDArray
 
 from legoworld.errors import LegoWorldError, one_line
-from legoworld.evaluation.detection.inputs.box_formats import finite_floats, is_finite
+from legoworld.evaluation.detection.inputs.box_formats import is_finite
 from legoworld.evaluation.detection.inputs.masks import compress_mask, rle_problem
 from legoworld.files import Json
 from legoworld.pluralize import plural, share, word_for
@@ -99,11 +99,10 @@ def check_ids(
 
 def check_scores(score: NDArray[Any]) -> None:
     """PredictionsInvalidError if one of (n,) scores is not a finite number."""
-    values = score.tolist()
-    if finite_floats(values) is not None:
+    if score.dtype == np.float64 and np.isfinite(score).all():
         return
-    bad = [value for value in values if not is_finite(value)]
-    _refuse(len(bad), len(values), "have no usable score", repr(bad[0])[:60], "a finite number")
+    if bad := [value for value in score.tolist() if not is_finite(value)]:
+        _refuse(len(bad), len(score), "have no usable score", repr(bad[0])[:60], "a finite number")
 
 
 def compressed_counts(prediction: MaskPrediction, mask: Rle | None = None) -> str:

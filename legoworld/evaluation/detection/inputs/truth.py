@@ -138,13 +138,15 @@ def read_truth(path: Path, protocol: DetectionProtocol, run: Run | None = None) 
 
 def _document(path: Path, protocol: DetectionProtocol) -> dict[str, Any]:
     try:
-        document = protocol.payload.document(read_json(path.read_bytes()), str(path))
+        document = read_json(path.read_bytes())
     except (OSError, RecordError) as error:
         raise TruthInvalidError(
             f"the truth {path} cannot be read",
             found=cause(error),
             expected="COCO instances or LVIS JSON",
         ) from error
+    if protocol.payload.document is not None:
+        document = protocol.payload.document(document, str(path))
     for key in ("images", "annotations", "categories"):
         if not isinstance(document, dict) or not isinstance(document.get(key), list):
             raise TruthInvalidError(

@@ -114,11 +114,13 @@ def check_annotations(
     refuse(_key_fault("id"), "an integer id")
     _refuse_repeats(name, objects)
     refuse(_key_fault("image_id"), "the integer id of its image")
-    refuse(
-        lambda a: None if a["image_id"] in images else "no such image",
-        f"the id of one of the file's {plural(len(images), 'image', 'images')}",
-        "correct the image_id; where images were cut out of the file, cut their annotations, too",
-    )
+    if any(a["image_id"] not in images for a in objects):
+        refuse(
+            lambda a: None if a["image_id"] in images else "no such image",
+            f"the id of one of the file's {plural(len(images), 'image', 'images')}",
+            "correct the image_id; where images were cut out of the file, cut their annotations, "
+            "too",
+        )
     ids = frozenset(wanted)
     own = [
         {**a, "image_id": _as_int(a["image_id"], "image ids", repairs)}

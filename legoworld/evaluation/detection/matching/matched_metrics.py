@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints, Problem
-from legoworld.evaluation.kernels.library import category_threads
 from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Matched
+from legoworld.workers.processors import core_threads
 
 #: A pair at least this good is a true positive of precision and recall.
 HIT: Final = 0.5
@@ -156,7 +156,7 @@ def _macro(counts: MatchedCounts, samples: NDArray[np.int32]) -> Floats:
         return n_gt, weighted_sums(drawn, counts.cell_iou_sum[cells])
 
     means, present = np.zeros(len(samples)), np.zeros(len(samples))
-    with category_threads() as pool:
+    with core_threads() as pool:
         # Added in category order: order-independent, bit-identical.
         for n_gt, iou in pool.map(sums, groups):
             means += np.where(n_gt > 0, iou / np.where(n_gt > 0, n_gt, 1), 0.0)

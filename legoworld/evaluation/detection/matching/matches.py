@@ -20,7 +20,7 @@ from legoworld.evaluation.detection.inputs.truth import Truth
 from legoworld.evaluation.detection.matching.matched_metrics import Pairs
 from legoworld.evaluation.detection.payloads.payload import Overlaps, Payload
 from legoworld.evaluation.detection.problem import Detections, Ints, Problem, TrueInstances
-from legoworld.evaluation.kernels.library import check, library, pointer, pointers
+from legoworld.evaluation.kernels.library import call, pointer, pointers
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool, map_items
 
 #: Detections of a chunk, about: 25 ms of work on boxes, 80 on masks, and at most 3 MB to send.
@@ -174,7 +174,7 @@ def match_columns(
         pointer(thresholds), len(thresholds), pointer(low), pointer(high), len(low)
     )
     state = np.zeros((len(low), len(thresholds), len(detections[1])), np.uint8)
-    check(library().lw_match(ctypes.byref(struct), ctypes.byref(rules), pointer(state)))
+    call("lw_match", struct, rules, state)
     return state
 
 
@@ -191,11 +191,8 @@ def pair_chunk(chunk: Chunk, overlaps: Overlaps, *, class_aware: bool) -> Pairs:
     detection, truth, iou = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most)
     counted = np.empty(len(chunk.detections.image), bool)
     n = ctypes.c_int64()
-    done = library().lw_pair(
-        ctypes.byref(struct), ctypes.c_int32(class_aware), pointer(detection), pointer(truth),
-        pointer(iou), ctypes.byref(n), pointer(counted),
-    )  # fmt: skip
-    check(done)
+    aware = ctypes.c_int32(class_aware)
+    call("lw_pair", struct, aware, detection, truth, iou, ctypes.byref(n), counted)
     some = slice(n.value)
     return Pairs(detection=detection[some], truth=truth[some], iou=iou[some], counted=counted)
 

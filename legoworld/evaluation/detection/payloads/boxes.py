@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pycocotools import mask as _mask
 
 from legoworld.evaluation.detection.grid import PICTURE
-from legoworld.evaluation.detection.inputs.masks import overlaps
+from legoworld.evaluation.detection.inputs.masks import EncodedMask
 from legoworld.evaluation.detection.inputs.prediction_columns import (
     GivenColumns,
     PredictionColumns,
@@ -31,6 +32,15 @@ from legoworld.records.predictions import BoxPrediction
 
 if TYPE_CHECKING:
     from legoworld.evaluation.detection.matching.matches import Chunk
+
+_API: Any = _mask  # its stubs do not know lists of RLE
+#: (n, 4) boxes x, y, w, h, or n compressed masks.
+Shapes = NDArray[np.float64] | list[EncodedMask]
+
+
+def overlaps(detections: Shapes, truths: Shapes, crowd: Sequence[int]) -> NDArray[np.float64]:
+    """(detections, truths) IoU, at least one of each; of crowds, the detection's share."""
+    return np.asarray(_API.iou(detections, truths, list(crowd)), np.float64)
 
 
 def _check_columns(given: GivenColumns, checking: Checking) -> tuple[PredictionColumns, int]:

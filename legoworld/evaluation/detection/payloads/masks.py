@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,7 +16,6 @@ from legoworld.evaluation.detection.inputs.masks import (
     covers,
     joined_texts,
     measure_masks,
-    overlaps,
     union,
 )
 from legoworld.evaluation.detection.inputs.prediction_checks import unusable_mask
@@ -29,6 +27,7 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 )
 from legoworld.evaluation.detection.inputs.prediction_order import in_order, without_empty
 from legoworld.evaluation.detection.inputs.truth_checks import check_masks
+from legoworld.evaluation.detection.payloads.boxes import BOXES
 from legoworld.evaluation.detection.payloads.payload import (
     Checking,
     Outline,
@@ -36,7 +35,7 @@ from legoworld.evaluation.detection.payloads.payload import (
     Payload,
     Row,
 )
-from legoworld.evaluation.kernels.library import check, library, pointer
+from legoworld.evaluation.kernels.library import call
 from legoworld.records.base import UnsetType
 from legoworld.records.evaluation_view import Segmentation, TrueImage
 from legoworld.records.predictions import MaskPrediction, Rle
@@ -105,12 +104,10 @@ def _overlaps(chunk: Chunk) -> Overlaps:
     texts, start = joined_texts([text.encode("ascii") for text in chunk.shapes])
     true_text, true_start = joined_texts(true_texts)
     crowd = np.ascontiguousarray(chunk.truths.crowd)
-    done = library().lw_overlap_masks(
-        ctypes.c_char_p(texts), pointer(start), ctypes.c_char_p(true_text), pointer(true_start),
-        pointer(first_detection), pointer(first_truth), pointer(height),
-        ctypes.c_int64(len(height)), pointer(crowd), pointer(iou),
+    call(
+        "lw_overlap_masks", texts, start, true_text, true_start, first_detection, first_truth,
+        height, len(height), crowd, iou,
     )  # fmt: skip
-    check(done)
     _, area = measure_masks(chunk.shapes)
     return Overlaps(iou=iou, area=area)
 
@@ -148,7 +145,7 @@ MASKS: Final = Payload(
     pack_shapes=tuple,
     overlaps=_overlaps,
     shape=_shape,
-    compare_shapes=overlaps,
+    compare_shapes=BOXES.compare_shapes,
     enclose_shapes=union,
     outline=_outline,
 )

@@ -69,10 +69,6 @@ class Outline:
     polygons: Sequence[Sequence[float]] | None = None
 
 
-def _as_is(document: Foreign, _name: str) -> Foreign:
-    return document
-
-
 @dataclass(frozen=True, kw_only=True)
 class Payload:
     """What detections of a task are compared by. Every function is a module's own: workers take it.
@@ -81,7 +77,8 @@ class Payload:
     prediction is read as; field: of an annotation, where its shape is.
     read_columns: predictions as columns; check_columns: them in order, and how many were dropped as
     empty, PredictionsInvalidError for others.
-    document: a truth file's content in the form that the rest reads, TruthInvalidError.
+    document: a truth file's content in the form that the rest reads, where it may have another one,
+    TruthInvalidError.
     check_shapes: annotations of wanted images, by all of the file's images, wherever shapes matter;
     check_format: also, where they are scored. TruthInvalidError.
     pack_shapes: shapes of a chunk as it keeps them; overlaps: of a chunk's detections and truths.
@@ -110,7 +107,7 @@ class Payload:
     check_format: (
         Callable[[str, Sequence[Foreign], Mapping[int, Foreign], Counter[str]], None] | None
     ) = None
-    document: Callable[[Foreign, str], Foreign] = _as_is
+    document: Callable[[Foreign, str], Foreign] | None = None
     own_ignore: bool = False
     most_pairs: int | None = None
     difference: Callable[[Row, Row], str] | None = None

@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS, Grid
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, TRUE_POSITIVE, MatchTable
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    TRUE_POSITIVE,
+    MatchTable,
+)
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
 

@@ -11,9 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.evaluation.detection.grid import N_THRESHOLDS, RECALL_THRESHOLDS
-from legoworld.evaluation.detection.matching.greedy import FALSE_POSITIVE, IGNORED, TRUE_POSITIVE
+from legoworld.evaluation.detection.matching.outcomes import (
+    FALSE_POSITIVE,
+    IGNORED,
+    TRUE_POSITIVE,
+)
 from legoworld.evaluation.detection.problem import Floats, Ints
-from legoworld.evaluation.kernels.library import check, library, pointer, pointers
+from legoworld.evaluation.kernels.library import call, library, pointer, pointers
 
 Bits = NDArray[np.uint16]
 Counts = NDArray[np.int32]
@@ -115,12 +119,7 @@ def resample(
         len(limits),
     )
     n_truths = np.ascontiguousarray(n_truths, np.int32)
-    done = library().lw_resample(
-        ctypes.byref(struct), pointer(laned), ctypes.c_int64(len(n_truths)),
-        ctypes.c_int64(laned.shape[1]), pointer(n_truths), pointer(precision),
-        pointer(recalled),
-    )  # fmt: skip
-    check(done)
+    call("lw_resample", struct, laned, len(n_truths), laned.shape[1], n_truths, precision, recalled)
     return precision, recalled
 
 
@@ -134,11 +133,9 @@ def ordered_precision(
     """
     values = np.zeros(len(order))
     order, plain = np.ascontiguousarray(order, np.int32), np.ascontiguousarray(plain, np.int32)
-    done = library().lw_ordered(
-        pointer(is_true), pointer(is_ignored), ctypes.c_int64(len(is_true)), pointer(order),
-        pointer(plain), ctypes.c_int64(len(order)), ctypes.c_int32(n_truths),
-        pointer(RECALL_THRESHOLDS), ctypes.c_int32(len(RECALL_THRESHOLDS)),
-        ctypes.c_int32(N_THRESHOLDS), pointer(values),
+    call(
+        "lw_ordered", is_true, is_ignored, len(is_true), order, plain, len(order),
+        ctypes.c_int32(n_truths), RECALL_THRESHOLDS, ctypes.c_int32(len(RECALL_THRESHOLDS)),
+        ctypes.c_int32(N_THRESHOLDS), values,
     )  # fmt: skip
-    check(done)
     return values

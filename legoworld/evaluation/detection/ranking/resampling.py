@@ -12,7 +12,7 @@ from scipy import sparse
 
 from legoworld.errors import ShapeError
 from legoworld.evaluation.detection.grid import Grid
-from legoworld.evaluation.detection.matching.greedy import MatchTable
+from legoworld.evaluation.detection.matching.outcomes import MatchTable
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.evaluation.detection.protocols import DetectionProtocol, Metric
 from legoworld.evaluation.detection.ranking.compiled_accumulation import (
@@ -20,7 +20,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     rank_category,
     resample,
 )
-from legoworld.evaluation.kernels.library import category_threads
+from legoworld.workers.processors import core_threads
 
 Counts = NDArray[np.int32]
 
@@ -42,7 +42,7 @@ def resampled_metrics(
     rows = table.category_slices
     group_of = [""] * len(rows) if frequencies is None else frequencies.tolist()
     grid = protocol.grid
-    with category_threads() as pool:
+    with core_threads() as pool:
         for a, area in enumerate(grid.areas):
             truths = _truths_by_image(table, a) @ by_image
             metrics = [m for m in protocol.metrics if m.area == area]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import InstallationError
-from legoworld.evaluation.detection.matching.greedy import (
+from legoworld.evaluation.detection.matching.outcomes import (
     FALSE_POSITIVE,
     IGNORED,
     TRUE_POSITIVE,
@@ -29,9 +29,10 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
     ordered_precision,
     pack_bits,
 )
-from legoworld.evaluation.kernels.library import category_threads, check, library, pointer, pointers
+from legoworld.evaluation.kernels.library import call, pointer, pointers
 from legoworld.records.base import number
 from legoworld.records.evaluation_summary import Ties
+from legoworld.workers.processors import core_threads
 
 Counts = NDArray[np.int32]
 
@@ -76,10 +77,7 @@ def random_orders(
     drawn = _RandomStruct(bits.ctypes.bit_generator.value, *_distributions())
     columns = [np.ascontiguousarray(c, np.int64) for c in (start, plain_in, plain_before)]
     runs = _RunsStruct(*(pointer(c) for c in columns), len(plain_in))
-    done = library().lw_random_orders(
-        ctypes.byref(drawn), ctypes.byref(runs), ctypes.c_int64(n), pointer(order), pointer(plain)
-    )
-    check(done)
+    call("lw_random_orders", drawn, runs, n, order, plain)
     return order, plain
 
 
@@ -180,7 +178,7 @@ def _mean_over_categories(
         return of_category(k, ranking, int(n_truths[k]))
 
     total = np.zeros(n_values)
-    with category_threads() as pool:
+    with core_threads() as pool:
         # Added in category order: order-independent, bit-identical.
         for values in pool.map(category_values, scored):
             total += values

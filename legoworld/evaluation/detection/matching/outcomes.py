@@ -1,17 +1,24 @@
-"""Greedy matching as pycocotools and lvis do it, for all areas and thresholds at once.
+"""The outcome of every detection as pycocotools and lvis match them, and the arrays of matches.npz.
 
+matches.npz: the data for comparison, intervals and evidence without matching again.
 `evaluate` holds the numbers that follow from these matches to the evaluator's own on every run.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.evaluation.detection.matching.matched_metrics import MatchedCounts
 from legoworld.evaluation.detection.problem import Floats, Ints, Problem
+
+if TYPE_CHECKING:
+    from legoworld.evaluation.detection.scoring import RankedScore, Score
 
 #: The outcome of a detection at an area range and a threshold.
 FALSE_POSITIVE, TRUE_POSITIVE, IGNORED = 0, 1, 2
@@ -79,3 +86,60 @@ def match_table(problem: Problem, state: NDArray[np.uint8]) -> MatchTable:
         truth_category=cells[some] % n_categories,
         n_truths=np.ascontiguousarray(counts[:, some]),
     )
+
+
+Arrays = Mapping[str, NDArray[Any]]
+
+#: Policies: the predictions' own scores, and all scores equal. The second is stored only where it
+#: differs from the first.
+OWN, EQUAL = "", "equal_"
+
+_COUNTS: Final = ("per_image", "cell_image", "cell_category", "cell_n_gt", "cell_iou_sum")
+_TABLE: Final = (
+    "image",
+    "category",
+    "score",
+    "rank",
+    "entry",
+    "state",
+    "truth_image",
+    "truth_category",
+    "n_truths",
+)
+
+
+def pack_matches(score: Score, equal: RankedScore | None) -> dict[str, NDArray[Any]]:
+    """Everything matches.npz holds, shapes as in `MatchTable` and `MatchedCounts`.
+
+    Positions point into image_ids and category_ids.
+    """
+    grid = score.problem.protocol.grid
+    arrays: dict[str, NDArray[Any]] = {
+        "image_ids": score.table.image_ids,
+        "category_ids": score.table.category_ids,
+        "iou_thresholds": grid.iou,
+        f"area_ranges_{grid.unit}": np.array(grid.ranges),
+    }
+    ranked: tuple[tuple[str, RankedScore | None], ...] = ((OWN, score), (EQUAL, equal))
+    for prefix, one in ranked:
+        if one is not None:
+            arrays |= {prefix + name: getattr(one.table, name) for name in _TABLE}
+    for prefix, counts in (("aware_", score.aware), ("agnostic_", score.agnostic)):
+        arrays |= {prefix + name: getattr(counts, name) for name in _COUNTS}
+    return arrays
+
+
+def table_from(arrays: Arrays, policy: str = OWN) -> MatchTable:
+    """A policy's (A, T, D) match table; the equal one is the own where that was equal already."""
+    prefix = policy if policy + "state" in arrays else OWN
+    return MatchTable(
+        image_ids=arrays["image_ids"],
+        category_ids=arrays["category_ids"],
+        **{name: arrays[prefix + name] for name in _TABLE},
+    )
+
+
+def counts_from(arrays: Arrays, *, class_aware: bool) -> MatchedCounts:
+    """The sums of the score-free numbers, shapes as in `MatchedCounts`."""
+    prefix = "aware_" if class_aware else "agnostic_"
+    return MatchedCounts(**{name: arrays[prefix + name] for name in _COUNTS})
