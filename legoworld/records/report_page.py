@@ -213,13 +213,17 @@ class PhotoCell(Record, frozen=True, kw_only=True):
 
 
 class DetectionCell(PhotoCell, frozen=True, kw_only=True):
-    """Of boxes or masks. errors: kind and category id of its errors, each pair once."""
+    """Of boxes or masks. errors: category ids of its errors by kind, each once.
+
+    sure: TP and FP of the predictions at the usual confidence, absent where all are as confident.
+    """
 
     quality: float | None
     tp: int
     fp: int
     fn: int
-    errors: tuple[tuple[str, int], ...]
+    errors: dict[str, tuple[int, ...]]
+    sure: tuple[int, int] | UnsetType = UNSET
 
     @property
     def number(self) -> float | None:

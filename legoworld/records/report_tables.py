@@ -258,18 +258,20 @@ class PixelList(Record, frozen=True, kw_only=True):
 
 
 class MatchedSide(Record, frozen=True, kw_only=True):
-    """A side's match table, as base64 of little-endian numbers, in the order AP is accumulated in.
+    """A side's match table in the order AP is accumulated in; a column is a text of `cohorts`.
 
-    ranked: whether its scores differ. image, category: places, uint32; score: float32; state: of
-    each prediction, two bits for every area and threshold, 0 false, 1 true, 2 not counted;
-    truth_image, truth_category: cells with scored truth; n_truths: uint32, (areas, cells).
+    ranked: whether its scores differ; above: (confidences + 1, categories) how many predictions
+    there are at each confidence or above, first those at any. Columns: image, the place of each
+    prediction's; outcome, its row among the distinct `outcomes`, (rows, areas * thresholds): 0
+    false, 1 true, 2 not counted; truth_image, truth_category: cells with scored truth; n_truths:
+    (areas, cells).
     """
 
     ranked: bool
+    above: tuple[tuple[int, ...], ...]
     image: str
-    category: str
-    score: str
-    state: str
+    outcome: str
+    outcomes: str
     truth_image: str
     truth_category: str
     n_truths: str
@@ -279,12 +281,15 @@ class Cohorts(Record, frozen=True, kw_only=True):
     """What any selection of a section's photos is scored with.
 
     areas: names of sizes, the first is all; half: the place of IoU 0.5 among the thresholds;
+    confidences: that predictions can be counted from; usual: the first choice among them;
     categories: id and name; images: id, width and height.
     """
 
     areas: tuple[str, ...]
     half: int
     thresholds: int
+    confidences: tuple[float, ...]
+    usual: float
     categories: tuple[tuple[int, str], ...]
     images: tuple[tuple[int, int, int], ...]
     sides: tuple[MatchedSide, ...]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
 
 import numpy as np
 from msgspec.structs import replace
@@ -20,8 +20,9 @@ from legoworld.evaluation.detection.ranking.accumulation import precision_at_rec
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.report_tables import Cohorts, MatchedSide
 
-#: Two bits a state, four states a byte.
-_A_BYTE = 4
+#: From which confidences on predictions can be counted, and the first choice among them.
+CONFIDENCES: Final = tuple(k / 20 for k in range(21))
+USUAL_CONFIDENCE: Final = CONFIDENCES[6]
 
 
 def cohorts(sides: Sequence[StoredEvaluation]) -> Cohorts:
@@ -33,6 +34,8 @@ def cohorts(sides: Sequence[StoredEvaluation]) -> Cohorts:
         areas=grid.areas,
         half=grid.half,
         thresholds=len(grid.iou),
+        confidences=CONFIDENCES,
+        usual=USUAL_CONFIDENCE,
         categories=tuple((c.id, c.name) for c in sorted(truth.categories, key=lambda c: c.id)),
         images=tuple((i.id, i.width, i.height) for i in images),
         sides=tuple(_matched(side) for side in sides),
@@ -48,21 +51,20 @@ def cohort_of_image(whole: Cohorts, image_id: int) -> Cohorts:
 
 
 def _of_image(side: MatchedSide, at: int, whole: Cohorts) -> MatchedSide:
-    def read(text: str, kind: str, *shape: int) -> NDArray[Any]:
-        return np.frombuffer(base64.b64decode(text), kind).reshape(shape)
-
-    mine = read(side.image, "<u4", -1) == at
-    truths = read(side.truth_image, "<u4", -1) == at
-    n_bytes = -(-len(whole.areas) * whole.thresholds // _A_BYTE)
+    n_areas, above = len(whole.areas), np.array(side.above)
+    mine, truths = _numbers(side.image) == at, _numbers(side.truth_image) == at
+    before, start = np.append(0, np.cumsum(mine)), np.cumsum(above[0]) - above[0]
+    rows, outcome = np.unique(_numbers(side.outcome)[mine], return_inverse=True)
+    outcomes = _numbers(side.outcomes).reshape(-1, n_areas * whole.thresholds)
     return MatchedSide(
         ranked=side.ranked,
-        image=_base64(np.zeros(np.count_nonzero(mine)), "<u4"),
-        category=_base64(read(side.category, "<u4", -1)[mine], "<u4"),
-        score=_base64(read(side.score, "<f4", -1)[mine], "<f4"),
-        state=_base64(read(side.state, "u1", -1, n_bytes)[mine], "u1"),
-        truth_image=_base64(np.zeros(np.count_nonzero(truths)), "<u4"),
-        truth_category=_base64(read(side.truth_category, "<u4", -1)[truths], "<u4"),
-        n_truths=_base64(read(side.n_truths, "<u4", len(whole.areas), -1)[:, truths], "<u4"),
+        above=_rows(before[start + above] - before[start]),
+        image=_column(np.zeros_like(outcome)),
+        outcome=_column(outcome),
+        outcomes=_column(outcomes[rows]),
+        truth_image=_column(np.zeros(np.count_nonzero(truths), np.int64)),
+        truth_category=_column(_numbers(side.truth_category)[truths]),
+        n_truths=_column(_numbers(side.n_truths).reshape(n_areas, -1)[:, truths]),
     )
 
 
@@ -103,23 +105,33 @@ def _ap(state: NDArray[np.uint8], n_truths: int) -> float:
 
 def _matched(side: StoredEvaluation) -> MatchedSide:
     table = table_from(side.matches)
-    n_areas, n_thresholds, n = table.state.shape
-    states = table.state.transpose(2, 0, 1).reshape(n, n_areas * n_thresholds)
-    padded = np.pad(states, ((0, 0), (0, -states.shape[1] % _A_BYTE)))
-    bits = padded.reshape(n, padded.shape[1] // _A_BYTE, _A_BYTE) << np.arange(
-        0, 8, 2, dtype=np.uint8
-    )
+    first = outcome = np.zeros(len(table.image), np.int64)
+    for area in table.state:
+        code = outcome * 4 ** len(area) + 4 ** np.arange(len(area)) @ area
+        _, first, outcome = np.unique(code, return_index=True, return_inverse=True)
+    levels, n = (-np.inf, *CONFIDENCES), len(table.category_ids)
+    above = [np.bincount(table.category[table.score >= s], minlength=n) for s in levels]
     return MatchedSide(
         ranked=is_ranked(side),
-        image=_base64(table.image, "<u4"),
-        category=_base64(table.category, "<u4"),
-        score=_base64(table.score, "<f4"),
-        state=_base64(bits.sum(axis=2), "u1"),
-        truth_image=_base64(table.truth_image, "<u4"),
-        truth_category=_base64(table.truth_category, "<u4"),
-        n_truths=_base64(table.n_truths, "<u4"),
+        above=_rows(above),
+        image=_column(table.image),
+        outcome=_column(outcome),
+        outcomes=_column(table.state[:, :, first].transpose(2, 0, 1)),
+        truth_image=_column(table.truth_image),
+        truth_category=_column(table.truth_category),
+        n_truths=_column(table.n_truths),
     )
 
 
-def _base64(values: NDArray[Any], kind: str) -> str:
-    return base64.b64encode(values.astype(kind).tobytes()).decode("ascii")
+def _rows(counts: Iterable[NDArray[np.int64]]) -> tuple[tuple[int, ...], ...]:
+    return tuple(tuple(row.tolist()) for row in counts)
+
+
+def _column(values: NDArray[Any]) -> str:
+    """Whole numbers as text: how many bytes each has, and these, little-endian, in base64."""
+    width = next(w for w in (1, 2, 4) if values.max(initial=0) < 256**w)
+    return f"{width}{base64.b64encode(values.astype(f'<u{width}').tobytes()).decode('ascii')}"
+
+
+def _numbers(column: str) -> NDArray[Any]:
+    return np.frombuffer(base64.b64decode(column[1:]), f"<u{column[0]}")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Final
 
 from msgspec.structs import replace
 
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
+from legoworld.records.base import UNSET
 from legoworld.records.report_page import (
     DetectionAnswer,
     DetectionCell,
@@ -19,7 +21,7 @@ from legoworld.records.report_page import (
 )
 from legoworld.records.report_tables import ErrorCounts, PageSection, Plots
 from legoworld.report.advice import detection_advice
-from legoworld.report.cohorts import cohorts, is_ranked, photo_gains
+from legoworld.report.cohorts import USUAL_CONFIDENCE, cohorts, is_ranked, photo_gains
 from legoworld.report.costs import Finding, Findings, Key, side_costs
 from legoworld.report.detection_images import DetectionImage, SideImage, detection_images
 from legoworld.report.error_kinds import KINDS
@@ -84,14 +86,15 @@ def detection_section(
     rows: list[tuple[float, PhotoRow]] = []
     used: set[int] = set()
     errors = [_SideErrors(mended=MendedAp(side=side)) for side in sides]
-    gains = photo_gains(sides[0]) if is_ranked(sides[0]) else None
+    ranked = [is_ranked(side) for side in sides]
+    gains = photo_gains(sides[0]) if ranked[0] else None
     for image in detection_images(sides):
         shifts = [common_shift(section.task, image, side) for side in image.sides]
         view = _view(section, image, shifts, names, document, places)
         # What costs a ranked first side most AP first; else its lowest quality. Neither truth nor
         # a false prediction last.
         quality = image.sides[0].quality
-        row = _row(image, view, len(document.views))
+        row = _row(image, view, ranked, len(document.views))
         worst = quality if gains is None else -gains.get(image.image.id, 0.0)
         rows.append((math.inf if quality is None or worst is None else worst, row))
         document.views.append(view)
@@ -201,9 +204,12 @@ def _answer(
     )
 
 
-def _row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
+def _row(
+    image: DetectionImage, view: DetectionPageView, ranked: Sequence[bool], at: int
+) -> PhotoRow:
     cells = []
-    for side, drawn in zip(image.sides, view.sides, strict=True):
+    for side, drawn, is_sure in zip(image.sides, view.sides, ranked, strict=True):
+        errors = sorted(set(_errors(image, side))) if drawn.status == "ok" else ()
         cells.append(
             DetectionCell(
                 status=drawn.status,
@@ -211,7 +217,10 @@ def _row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
                 tp=side.row.greedy_50.tp,
                 fp=side.row.greedy_50.fp,
                 fn=side.n_missed,
-                errors=tuple(sorted(set(_errors(image, side)))) if drawn.status == "ok" else (),
+                errors={
+                    kind: tuple(c for _, c in of) for kind, of in groupby(errors, lambda e: e[0])
+                },
+                sure=_sure(side) if is_sure else UNSET,
                 advice=drawn.advice[0].what if drawn.advice else "",
                 findings=sum(a.level == "bad" for a in drawn.advice),
             )
@@ -224,3 +233,8 @@ def _row(image: DetectionImage, view: DetectionPageView, at: int) -> PhotoRow:
         cells=tuple(cells),
         categories=tuple(sorted(view.categories)),
     )
+
+
+def _sure(side: SideImage) -> tuple[int, int]:
+    sure = [entry.outcome_50 for entry in side.entries if entry.score >= USUAL_CONFIDENCE]
+    return sure.count("tp"), sure.count("fp")

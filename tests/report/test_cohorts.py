@@ -7,14 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth
 from report.chromium import Browser, browser
-from report.pages import evaluated, page_of
+from report.pages import document_of, evaluated, page_of
 
 from legoworld import cli
+from legoworld.evaluation.detection.matching.matches_file import table_from
 from legoworld.evaluation.stored import read_evaluation
-from legoworld.report.cohorts import photo_gains
+from legoworld.report.cohorts import cohorts, photo_gains
 from legoworld.tables.files import latex
 from legoworld.tables.table import table
 
@@ -163,6 +165,33 @@ def test_confidence_counts_and_draws_what_is_above_it(chrome: Browser, page: Pat
     assert chrome.js(f"document.querySelectorAll('.pane :is({outlines})').length") == mine
     chrome.open(page, "#/coco?tab=photos")
     assert "0.30 or above" in chrome.js("document.querySelector('[data-confidence]').textContent")
+
+
+def test_the_first_screen_counts_at_the_usual_confidence_and_decodes_nothing(
+    chrome: Browser, page: Path
+) -> None:
+    """Its cards say what the matches say, which are decoded where another confidence is asked."""
+    chrome.page.add_init_script("window.atob = new Proxy(atob, {apply(f, it, [text]) {"
+                                "window.decoded = true; return f(text); }})")  # fmt: skip
+    marks = "Array.from(document.querySelectorAll('[data-sheet] .marks'), m => m.textContent)"
+    chrome.open(page)
+    chrome.until("document.querySelector('[data-sheet] .thumb svg')")
+    usual = chrome.js(marks)
+    assert len(usual) == 12
+    assert not chrome.js("window.decoded")
+    chrome.open(page, "#/coco?conf=0.35")
+    assert chrome.js(marks) != usual
+    assert chrome.js("window.decoded")
+    sides = [read_evaluation(page.parent / f"eval-coco-{NAME}")]
+    whole = cohorts(sides)
+    table = table_from(sides[0].matches)
+    shown = table.score >= whole.usual
+    row = whole.sides[0].above[1 + whole.confidences.index(whole.usual)]
+    assert row == tuple(np.bincount(table.category[shown], minlength=len(row)))
+    state = table.state[0, whole.half, shown]
+    for photo in document_of(*[s.folder for s in sides]).sections[0].images:
+        mine = state[table.image_ids[table.image[shown]] == photo.id]
+        assert photo.cells[0].sure == (np.sum(mine == 1), np.sum(mine == 0))
 
 
 def test_what_is_on_screen_is_saved_as_latex(chrome: Browser, page: Path) -> None:

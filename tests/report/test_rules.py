@@ -538,25 +538,28 @@ def test_the_page_s_scripts_know_the_outcome_that_does_not_count():
 def test_a_detection_cell_counts_what_is_bad_and_says_what_comes_first(monkeypatch):
     monkeypatch.setattr(detection_section, "_errors", lambda _, side: side.kinds)
 
-    def side(tp: int, *kinds: str) -> Any:
+    def side(tp: int, *kinds: tuple[str, int]) -> Any:
         row = SimpleNamespace(greedy_50=SimpleNamespace(tp=tp, fp=tp + 1), n_truth=9)
-        return SimpleNamespace(quality=tp / 10, row=row, n_missed=tp + 2, kinds=kinds)
+        entries = [SimpleNamespace(outcome_50="tp", score=s) for s in (0.29, 0.3, 1.0)]
+        return SimpleNamespace(
+            quality=tp / 10, row=row, n_missed=tp + 2, kinds=kinds, entries=entries
+        )
 
     def drawn(status: str, *levels: str) -> Any:
         advice = [SimpleNamespace(level=one, what=f"{one} {k}") for k, one in enumerate(levels)]
         return SimpleNamespace(status=status, advice=advice)
 
-    image: Any = SimpleNamespace(sides=[side(1, "b", "a", "b"), side(5, "a")])
+    image: Any = SimpleNamespace(sides=[side(1, ("b", 4), ("a", 4), ("b", 4)), side(5, ("a", 1))])
     views = (drawn("ok", "warn", "bad", "bad", "bad"), drawn("failed"))
     view: Any = SimpleNamespace(id=4, file_name="x.png", sides=views, categories={3, 1})
-    row = detection_section._row(image, view, 7)
+    row = detection_section._row(image, view, [True, False], 7)
     assert (row.id, row.file_name, row.view, row.n_truth, row.categories) == (4, "x.png", 7, 9,
                                                                               (1, 3))  # fmt: skip
     first, second = row.cells
     assert (first.status, first.findings, first.advice) == ("ok", 3, "warn 0")
-    assert (first.quality, first.tp, first.fp, first.fn, first.errors) == (0.1, 1, 2, 3,
-                                                                           ("a", "b"))  # fmt: skip
-    assert (second.status, second.findings, second.advice, second.errors) == ("failed", 0, "", ())
+    assert (first.quality, first.tp, first.fp, first.fn) == (0.1, 1, 2, 3)
+    assert (first.errors, first.sure, second.sure) == ({"a": (4,), "b": (4,)}, (2, 0), UNSET)
+    assert (second.status, second.findings, second.advice, second.errors) == ("failed", 0, "", {})
 
 
 def test_a_flag_is_a_warning_with_its_number_and_its_limit():

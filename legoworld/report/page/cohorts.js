@@ -4,55 +4,56 @@
 import { fileButtons, save } from "./chart.js";
 import { button, counted, el, fixed } from "./elements.js";
 import { here, moveTo } from "./place.js";
+import { bytesOf } from "./views.js";
 
 const DECODED = new Map();
-const USUAL_CONFIDENCE = 0.3;
 const RECALLS = 101;
 const [DRAWS, AP_DRAWS, MOST_STEPS] = [1000, 200, 4e7];
 
-function numbers32(text, kind) { return new kind(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer); }
+/* A column's whole numbers; its first sign says of how many bytes. */
+function numbersOf(text) { return new { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array }[text[0]](bytesOf(text.slice(1)).buffer); }
 
-/** The outcomes of a side, decoded once.
+/** The outcomes of a side, decoded when they are first asked for.
  * @param {PageSection} section
  * @returns {any} */
-export function matchesOf(section, k) {
+function matchesOf(section, k) {
   const key = section.key + " " + k;
   if (DECODED.has(key)) { return DECODED.get(key); }
   const side = section.cohorts.sides[k];
-  const made = { score: numbers32(side.score, Float32Array), state: numbers32(side.state, Uint8Array) };
-  ["image", "category", "truth_image", "truth_category", "n_truths"].forEach((name) => { made[name] = numbers32(side[name], Uint32Array); });
   const starts = new Uint32Array(section.cohorts.categories.length + 1);
-  made.category.forEach((c) => { starts[c + 1] += 1; });
-  for (let c = 1; c < starts.length; c += 1) { starts[c] += starts[c - 1]; }
-  DECODED.set(key, Object.assign(made, { starts }));
+  side.above[0].forEach((n, c) => { starts[c + 1] = starts[c] + n; });
+  const made = { starts, width: section.cohorts.areas.length * section.cohorts.thresholds };
+  ["image", "outcome", "outcomes", "truth_image", "truth_category", "n_truths"].forEach((name) => { made[name] = numbersOf(side[name]); });
+  DECODED.set(key, made);
   return made;
 }
 
 /* Below it nothing is drawn or counted: what the address says, else what suits ranked predictions. */
 export function confidenceOf(section, place = here()) {
-  if (!section.cohorts || !section.cohorts.sides.some((s) => s.ranked)) { return 0; }
-  return place.conf === "" || place.conf === undefined ? USUAL_CONFIDENCE : Number(place.conf);
+  const of = section.cohorts;
+  if (!of || !of.sides.some((s) => s.ranked)) { return 0; }
+  return (place.conf ? of.confidences[Math.round(Number(place.conf) / of.confidences[1])] : of.usual) ?? of.usual;
 }
+
+/* How many predictions of each category count from a confidence on: the first of its own. */
+function aboveOf(of, side, conf) { return side.above[side.ranked ? 1 + of.confidences.indexOf(conf) : 0]; }
 
 /* Of each side; one whose predictions are all as confident has none. */
 export function leastOf(section) {
   return section.cohorts ? section.cohorts.sides.map((side) => side.ranked ? confidenceOf(section) : 0) : [];
 }
 
-function outcomeAt({ areas, thresholds }, state, d, a, t) {
-  const at = a * thresholds + t;
-  return state[d * Math.ceil(areas.length * thresholds / 4) + (at >> 2)] >> 2 * (at & 3) & 3;
-}
-
 /* True, false and scored objects of each image at IoU 0.5, of predictions at a confidence or above. */
 export function countsOf(section, k, { area = 0, category = -1, conf = 0 }) {
   const [of, m] = [section.cohorts, matchesOf(section, k)];
   const [tp, fp, n] = [0, 1, 2].map(() => new Float64Array(of.images.length));
-  const least = of.sides[k].ranked ? Math.fround(conf) : -Infinity;
-  m.image.forEach((i, d) => {
-    if (m.score[d] < least || (category >= 0 && m.category[d] !== category)) { return; }
-    const outcome = outcomeAt(of, m.state, d, area, of.half);
-    if (outcome < 2) { (outcome ? tp : fp)[i] += 1; }
+  const at = area * of.thresholds + of.half;
+  aboveOf(of, of.sides[k], conf).forEach((many, c) => {
+    if (category >= 0 && c !== category) { return; }
+    for (let d = m.starts[c]; d < m.starts[c] + many; d += 1) {
+      const outcome = m.outcomes[m.outcome[d] * m.width + at];
+      if (outcome < 2) { (outcome ? tp : fp)[m.image[d]] += 1; }
+    }
   });
   const cells = m.truth_image.length;
   for (let c = 0; c < cells; c += 1) {
@@ -62,7 +63,7 @@ export function countsOf(section, k, { area = 0, category = -1, conf = 0 }) {
 }
 
 /* AP and AP50 with image i counted weights[i] times; null where no object is scored. */
-export function apOf(section, k, weights, { area = 0, category = -1 }) {
+function apOf(section, k, weights, { area = 0, category = -1 }) {
   const [of, m] = [section.cohorts, matchesOf(section, k)];
   const cells = m.truth_image.length;
   const n = new Float64Array(of.categories.length);
@@ -72,7 +73,7 @@ export function apOf(section, k, weights, { area = 0, category = -1 }) {
     if (!n[c] || (category >= 0 && c !== category)) { continue; }
     many += 1;
     for (let t = 0; t < of.thresholds; t += 1) {
-      const ap = averagePrecision(of, m, weights, area, t, m.starts[c], m.starts[c + 1], n[c]);
+      const ap = averagePrecision(m, weights, area * of.thresholds + t, m.starts[c], m.starts[c + 1], n[c]);
       sum += ap / of.thresholds;
       if (t === of.half) { half += ap; }
     }
@@ -80,24 +81,24 @@ export function apOf(section, k, weights, { area = 0, category = -1 }) {
   return many ? { ap: sum / many, ap50: half / many } : { ap: null, ap50: null };
 }
 
-function averagePrecision(of, m, weights, area, t, from, to, n) {
+function averagePrecision(m, weights, at, from, to, n) {
   const [recall, precision] = [[], []];
   let [tp, fp] = [0, 0];
   for (let d = from; d < to; d += 1) {
     const w = weights[m.image[d]];
-    const outcome = w ? outcomeAt(of, m.state, d, area, t) : 2;
+    const outcome = w ? m.outcomes[m.outcome[d] * m.width + at] : 2;
     if (outcome === 2) { continue; }
     if (outcome) { tp += w; } else { fp += w; }
     recall.push(tp / n);
     precision.push(tp / (tp + fp + Number.EPSILON));
   }
   for (let i = precision.length - 2; i >= 0; i -= 1) { precision[i] = Math.max(precision[i], precision[i + 1]); }
-  let [sum, at] = [0, 0];
+  let [sum, reached] = [0, 0];
   for (let r = 0; r < RECALLS; r += 1) {
     const wanted = r === RECALLS - 1 ? 1 : r * 0.01;
-    while (at < recall.length && recall[at] < wanted) { at += 1; }
-    if (at === recall.length) { break; }
-    sum += precision[at];
+    while (reached < recall.length && recall[reached] < wanted) { reached += 1; }
+    if (reached === recall.length) { break; }
+    sum += precision[reached];
   }
   return sum / RECALLS;
 }
@@ -119,39 +120,38 @@ function ends(values) {
   return known.length ? [at(0.025), at(0.975)] : [null, null];
 }
 
-function bootstrap(places, n, draws, value) {
+/* A value of each of many draws of the places, with replacement. */
+function drawn(places, draws, value) {
   const random = randomFrom(1);
-  return ends(Array.from({ length: draws }, () => {
-    const weights = new Float64Array(n);
-    places.forEach(() => { weights[places[Math.floor(random() * places.length)]] += 1; });
-    return value(weights);
-  }));
+  const picked = new Uint32Array(places.length);
+  return Array.from({ length: draws }, () => {
+    for (let i = 0; i < picked.length; i += 1) { picked[i] = places[Math.floor(random() * places.length)]; }
+    return value(picked);
+  });
 }
 
 /* Every number of a selection with its interval over images. */
-export function rescored(section, k, rows, choice) {
+function rescored(section, k, rows, choice) {
   const of = section.cohorts;
   const placeOf = new Map(of.images.map(([id], i) => [id, i]));
   const places = rows.map((row) => placeOf.get(row.id)).filter((i) => i !== undefined);
   const { tp, fp, n } = countsOf(section, k, choice);
-  const sums = (weights) => [tp, fp, n].map((of_images) => places.reduce((sum, i) => sum + weights[i] * of_images[i], 0));
-  const ratio = (part, whole) => whole ? part / whole : null;
-  const once = new Float64Array(of.images.length);
-  places.forEach((i) => { once[i] = 1; });
-  const [found, wrong, objects] = sums(once);
-  const unique = Array.from(new Set(places));
-  const few = unique.length < 2;
-  const steps = matchesOf(section, k).image.length * of.thresholds * AP_DRAWS;
-  const drawn = (draws, value) => few ? [null, null] : bootstrap(unique, of.images.length, draws, value);
-  const { ap, ap50 } = apOf(section, k, once, choice);
-  return { tp: found, fp: wrong, missed: objects - found, objects, ap, ap50,
-    precision: ratio(found, found + wrong), recall: ratio(found, objects),
-    ap_ends: steps > MOST_STEPS ? [null, null] : drawn(AP_DRAWS, (w) => apOf(section, k, w, choice).ap),
-    precision_ends: drawn(DRAWS, (w) => { const [a, b] = [countAll(tp, w, unique), countAll(fp, w, unique)]; return ratio(a, a + b); }),
-    recall_ends: drawn(DRAWS, (w) => ratio(countAll(tp, w, unique), countAll(n, w, unique))) };
+  const sums = (picked) => {
+    let [found, wrong, objects] = [0, 0, 0];
+    for (const i of picked) { found += tp[i]; wrong += fp[i]; objects += n[i]; }
+    const ratio = (whole) => whole ? found / whole : null;
+    return { tp: found, fp: wrong, objects, precision: ratio(found + wrong), recall: ratio(objects) };
+  };
+  const scored = (picked) => {
+    const weights = new Float64Array(of.images.length);
+    for (const i of picked) { weights[i] += 1; }
+    return apOf(section, k, weights, choice);
+  };
+  const draws = places.length < 2 ? [] : drawn(places, DRAWS, sums);
+  const few = places.length < 2 || matchesOf(section, k).image.length * of.thresholds * AP_DRAWS > MOST_STEPS;
+  return { ...sums(places), ...scored(places), ap_ends: ends(few ? [] : drawn(places, AP_DRAWS, (picked) => scored(picked).ap)),
+    precision_ends: ends(draws.map((d) => d.precision)), recall_ends: ends(draws.map((d) => d.recall)) };
 }
-
-function countAll(of_images, weights, places) { return places.reduce((sum, i) => sum + weights[i] * of_images[i], 0); }
 
 /* What the address selects of a section's matches. */
 export function choiceOf(section, place) {
@@ -196,10 +196,10 @@ function trackOf(section, rows) {
  * @param {PageSection} section */
 export function confidenceSlider(section) {
   const conf = confidenceOf(section);
-  const scores = section.cohorts.sides.flatMap((side, k) => side.ranked ? [matchesOf(section, k).score] : []);
-  const shown = scores.reduce((sum, s) => sum + s.filter((v) => v >= Math.fround(conf)).length, 0);
-  const all = scores.reduce((sum, s) => sum + s.length, 0);
-  return el("label", { class: "confidence" }, ["confidence ", el("input", { type: "range", min: 0, max: 1, step: 0.05, value: conf, "data-keep": "conf",
+  const [of, sum] = [section.cohorts, (rows) => rows.flat().reduce((all, n) => all + n, 0)];
+  const ranked = of.sides.filter((side) => side.ranked);
+  const [shown, all] = [sum(ranked.map((side) => aboveOf(of, side, conf))), sum(ranked.map((side) => side.above[0]))];
+  return el("label", { class: "confidence" }, ["confidence ", el("input", { type: "range", min: 0, max: 1, step: of.confidences[1], value: conf, "data-keep": "conf",
     onchange: (event) => moveTo({ conf: event.target.value }) }), el("span", { class: "over" }, [" " + conf.toFixed(2) + " or above: " +
     shown.toLocaleString("en") + " of " + counted(all, "prediction", "predictions")])]);
 }

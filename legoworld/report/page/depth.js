@@ -1,6 +1,7 @@
 /* Depth panes: ground truth and predictions on one scale, signed errors on another. */
 
 import { colorAt, legend, noneLegend, paintedPixels, pixelPanes } from "./pixel_panes.js";
+import { bytesOf } from "./views.js";
 
 /* Viridis (Smith and van der Walt, matplotlib) and ColorBrewer's PuOr: both safe for colour-blind
    eyes. Near is bright; a prediction that is too near is orange, one that is too far purple. */
@@ -11,13 +12,8 @@ const NEAR_FAR_ERROR = [[179, 88, 6], [224, 130, 20], [253, 184, 99], [254, 224,
 
 /* Float64Array of metres, NaN where there is none. */
 export function depths(codes, depth) {
-  const bytes = atob(codes);
-  const z = new Float64Array(bytes.length / 2);
-  for (let i = 0; i < z.length; i += 1) {
-    const code = bytes.charCodeAt(2 * i) | (bytes.charCodeAt(2 * i + 1) << 8);
-    z[i] = code === 65535 ? NaN : depth.z0_m * Math.exp(depth.step * code);
-  }
-  return z;
+  return new Float64Array(new Uint16Array(bytesOf(codes).buffer)).map((code) =>
+    code === 65535 ? NaN : depth.z0_m * Math.exp(depth.step * code));
 }
 
 function depthColor(depth) {

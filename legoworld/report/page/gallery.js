@@ -103,7 +103,10 @@ function keeps(row, place, q) {
   const cells = row.cells.filter((_, k) => !place.of || String(k) === place.of);
   if (place.kind === "failed") { return cells.some((/** @type {any} */ c) => c.status !== "ok" || c.valid === false); }
   if (place.kind) {
-    return cells.some((/** @type {any} */ c) => (c.errors || []).some((e) => e[0] === place.kind && (cat === null || e[1] === cat)));
+    return cells.some((/** @type {any} */ c) => {
+      const of = c.errors && c.errors[place.kind];
+      return of && (cat === null || of.includes(cat));
+    });
   }
   return cat === null || row.categories.includes(cat);
 }
@@ -176,7 +179,8 @@ const AT_CONFIDENCE = { key: "", counts: [] };
 /* A photo's counts of what is confident enough. */
 export function atConfidence(section, row, k, cell) {
   const conf = confidenceOf(section);
-  if (!conf || cell.tp === undefined) { return cell; }
+  if (!conf || !cell.sure) { return cell; }
+  if (conf === section.cohorts.usual) { return { ...cell, tp: cell.sure[0], fp: cell.sure[1], fn: cell.tp + cell.fn - cell.sure[0] }; }
   const key = section.key + " " + conf;
   if (AT_CONFIDENCE.key !== key) {
     Object.assign(AT_CONFIDENCE, { key, counts: section.sides.map((_, side) => countsOf(section, side, { conf })),

@@ -3,17 +3,14 @@
 import { NEAR_TO_FAR } from "./depth.js";
 import { el } from "./elements.js";
 import { colorAt, legend, noneLegend, paintedPixels, pixelPanes } from "./pixel_panes.js";
+import { bytesOf } from "./views.js";
 
 /* x, y, z of each pixel as signed bytes; 0, 0, 0 where there is none. */
-function vectors(codes) { return Int8Array.from(atob(codes), (c) => c.charCodeAt(0)); }
+function vectors(codes) { return new Int8Array(bytesOf(codes).buffer); }
 
 /* Float64Array of degrees, NaN where there is none. */
 function angles(codes) {
-  const bytes = atob(codes);
-  return new Float64Array(bytes.length / 2).map((_, i) => {
-    const code = bytes.charCodeAt(2 * i) | (bytes.charCodeAt(2 * i + 1) << 8);
-    return code === 65535 ? NaN : code / 100;
-  });
+  return new Float64Array(new Uint16Array(bytesOf(codes).buffer)).map((code) => code === 65535 ? NaN : code / 100);
 }
 
 /* Right is red, up is green, towards the camera is blue: a frontal wall is light blue. */

@@ -4,6 +4,7 @@
 import { depths } from "./depth.js";
 import { button, counted, el } from "./elements.js";
 import { orbitCanvas, orbitStage, pinholeEye, rendererOn, threeJs } from "./orbit.js";
+import { bytesOf } from "./views.js";
 
 const OUTSIDE = "outside";
 
@@ -43,7 +44,7 @@ function openPoints(host, raster, points, outcomes) {
   const depth = { z0_m: raster.z0_m, step: raster.depth_step };
   const clouds = [["reference", raster.reference, points.reference_outcome],
     ["submission", points.submitted, points.submitted_outcome]].map(([name, codes, outcome]) =>
-    ({ name, z: depths(codes, depth), outcome: Uint8Array.from(atob(outcome), (c) => c.charCodeAt(0)) }));
+    ({ name, z: depths(codes, depth), outcome: bytesOf(outcome) }));
   const world = new three.Scene();
   const known = Array.from(clouds[0].z).filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
   const middle = known.length ? known[known.length >> 1] : 1;

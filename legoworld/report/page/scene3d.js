@@ -5,7 +5,7 @@ import { button, el } from "./elements.js";
 import { objectErrors } from "./object_errors.js";
 import { orbitCanvas, orbitStage, pinholeEye, rendererOn, threeJs } from "./orbit.js";
 import { WORDS } from "./outcomes.js";
-import { leftBehind, withScene } from "./views.js";
+import { bytesOf, leftBehind, withScene } from "./views.js";
 
 const COLOURS = { tp: 0x2f8fd0, fp: 0xe8641b, other: 0xb9bec4, none: 0x8d9399, hot: 0xffffff };
 
@@ -88,10 +88,9 @@ function ownCamera(gltf) {
 }
 
 function parsed(three, text) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const loader = new three.GLTFLoader();
   loader.register((parser) => ({ name: "legoworld_textures", loadTexture: (index) => textureOf(three, parser, index) }));
-  return new Promise((resolve, reject) => loader.parse(bytes.buffer, "", resolve, reject));
+  return new Promise((resolve, reject) => loader.parse(bytesOf(text).buffer, "", resolve, reject));
 }
 
 /* Pictures inside the file as data: addresses, which the page's policy allows; blob: it does not. */

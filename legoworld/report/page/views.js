@@ -41,6 +41,14 @@ export function withView(at, use, fail) { withFile("view", VIEWS, at, JSON.parse
 /* Base64 of a scene.glb. */
 export function withScene(at, use, fail) { withFile("scene", SCENES, at, String, use, fail); }
 
+/* What base64 stands for. */
+export function bytesOf(text) {
+  const signs = atob(text);
+  const bytes = new Uint8Array(signs.length);
+  for (let i = 0; i < bytes.length; i += 1) { bytes[i] = signs.charCodeAt(i); }
+  return bytes;
+}
+
 /* The address of a photo or a render, null where there is none. */
 export function pictureUrl(kind, at) {
   if (at === null || at === undefined) { return null; }
