@@ -14,7 +14,7 @@ from report.chromium import Browser, browser
 from report.pages import document_of, evaluated, page_of
 
 from legoworld import cli
-from legoworld.evaluation.detection.matching.matches_file import table_from
+from legoworld.evaluation.detection.matching.outcomes import table_from
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.report.cohorts import cohorts, photo_gains
 from legoworld.tables.files import latex
