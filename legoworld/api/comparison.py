@@ -18,7 +18,7 @@ from legoworld.comparison.tables import Document, list_comparisons
 from legoworld.comparison.thresholds import FailedThreshold, thresholds_by_task
 from legoworld.errors import UsageError
 from legoworld.records.base import as_json
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
 from legoworld.tasks.shipped import TaskName
 
 if TYPE_CHECKING:

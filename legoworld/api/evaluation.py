@@ -22,7 +22,7 @@ from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.evaluation.family import EvaluationRequest, Origins, load_evaluation_family
 from legoworld.evaluation.run import read_run
 from legoworld.records.base import as_json
-from legoworld.records.evaluation_summary import Coverage, Summary
+from legoworld.records.evaluation import Coverage, Summary
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_image_rows, read_summary
 from legoworld.remote import Place
 from legoworld.tasks.registry import find_family, options_by_task, require_task

@@ -12,7 +12,7 @@ from legoworld.evaluation.family import EvaluationRequest, load_evaluation_famil
 from legoworld.evaluation.run import read_run
 from legoworld.readouts.family import Protocol, protocol
 from legoworld.readouts.pictures import read_photo
-from legoworld.records.evaluation_summary import Summary
+from legoworld.records.evaluation import Summary
 from legoworld.records.report_page import Advice
 from legoworld.records.run_rows import RunRow
 from legoworld.records.scene_folder import ExecutionFile

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
 
     from legoworld.api.evaluation import Evaluation, EvaluationOptions
-    from legoworld.records.evaluation_rows import EvaluationRow
+    from legoworld.records.evaluation import EvaluationRow
 
 
 _NOT_OF_POSES = (

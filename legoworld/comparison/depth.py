@@ -14,7 +14,7 @@ from legoworld.evaluation.depth.family import PIXELS
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import as_json, to_record
 from legoworld.records.depth import ScoredDepthRow
-from legoworld.records.evaluation_summary import DepthRules
+from legoworld.records.evaluation import DepthRules
 
 
 def _constant(rows: Sequence[ScoredDepthRow], name: str, policy: str) -> Mapping[str, float]:

@@ -23,6 +23,7 @@ from legoworld.records.comparison import (
     Comparison,
     ComparisonBootstrap,
     ComparisonRow,
+    ComparisonSettings,
     Dropped,
     ImageName,
     Method,
@@ -30,8 +31,7 @@ from legoworld.records.comparison import (
     PairCoverage,
     Unscored,
 )
-from legoworld.records.evaluation_summary import Coverage
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.evaluation import Coverage
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from legoworld.comparison.measures import Draws, Measures, Metric, shared_draws
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.comparison import Images
-from legoworld.records.evaluation_summary import DepthRules
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings, Images
+from legoworld.records.evaluation import DepthRules
 from legoworld.tasks.registry import find_family
 
 #: Measures one side over the images that were kept.

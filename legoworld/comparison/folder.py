@@ -18,19 +18,15 @@ from legoworld.records.comparison import (
     JOINED,
     KIND,
     Comparison,
-    JoinedComparison,
-    Pair,
-    decode_comparison,
-)
-from legoworld.records.evidence import (
-    AnyEvidence,
     ComparisonEvidence,
     ComparisonSettings,
-    Input,
+    JoinedComparison,
+    Pair,
     PairedNumbers,
     PairEvidence,
-    load_record_family,
+    decode_comparison,
 )
+from legoworld.records.evaluation import AnyEvidence, Input, load_record_family
 from legoworld.records.folders.evaluation_folder import input_file, installed_versions
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
 from legoworld.tables.files import FORMATS

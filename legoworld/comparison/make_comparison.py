@@ -31,8 +31,14 @@ from legoworld.comparison.thresholds import (
 )
 from legoworld.errors import UsageError
 from legoworld.pluralize import plural
-from legoworld.records.comparison import JOINED, ByField, Comparison, JoinedComparison
-from legoworld.records.evidence import AnyEvidence, ComparisonSettings
+from legoworld.records.comparison import (
+    JOINED,
+    ByField,
+    Comparison,
+    ComparisonSettings,
+    JoinedComparison,
+)
+from legoworld.records.evaluation import AnyEvidence
 from legoworld.records.folders.evaluation_folder import installed_versions
 from legoworld.records.folders.read_evaluation import EVIDENCE
 from legoworld.tasks.registry import task_names

@@ -13,7 +13,7 @@ from legoworld.evaluation.bootstrap import centred_interval, interval, resample_
 from legoworld.evaluation.detection.problem import Floats
 from legoworld.records.base import number
 from legoworld.records.comparison import Better, ComparisonRow, Difference, Images, Level, Measured
-from legoworld.records.evaluation_summary import Interval
+from legoworld.records.evaluation import Interval
 
 HEADLINE: Final = 1
 TABLE: Final = 2

@@ -18,8 +18,7 @@ from legoworld.evaluation.pixels.summary import (
 )
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
-from legoworld.records.comparison import Images, Level
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings, Images, Level
 from legoworld.records.pixels import PixelRow, PixelSummary
 
 

@@ -14,8 +14,8 @@ from legoworld.comparison.measures import IntervalRule, Metric
 from legoworld.evaluation.bootstrap import LEVEL
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.bench_results import Rank
-from legoworld.records.evaluation_summary import Interval
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
+from legoworld.records.evaluation import Interval
 
 F64 = NDArray[np.float64]
 Differences = dict[tuple[int, int], tuple[float, Interval | None]]

@@ -15,8 +15,7 @@ from legoworld.evaluation.bootstrap import GroupDraws, draw_groups
 from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.protocol import bench_protocol
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.comparison import Images, Level
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings, Images, Level
 from legoworld.records.reconstruction import ReconstructionRow
 
 UNIT: Final = "family"

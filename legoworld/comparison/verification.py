@@ -25,8 +25,8 @@ from legoworld.evaluation.checks import Check, check_files, check_inputs, find_i
 from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.files import Json
 from legoworld.records.base import Storable, as_json, to_record
-from legoworld.records.comparison import Comparison, JoinedComparison
-from legoworld.records.evidence import AnyEvidence, ComparisonSettings
+from legoworld.records.comparison import Comparison, ComparisonSettings, JoinedComparison
+from legoworld.records.evaluation import AnyEvidence
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_evidence
 
 

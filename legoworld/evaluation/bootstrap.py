@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_summary import Interval
+from legoworld.records.evaluation import Interval
 
 LEVEL: Final = 0.95
 #: Maximum number of elements in one product of counts and values, to bound memory.

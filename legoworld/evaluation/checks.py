@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.files import Json
-from legoworld.records.evidence import AnyEvidence
+from legoworld.records.evaluation import AnyEvidence
 from legoworld.records.folders.evaluation_folder import excluded_keys, hash_and_size
 from legoworld.records.folders.read_evaluation import EVIDENCE
 

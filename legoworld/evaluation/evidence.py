@@ -16,8 +16,7 @@ from legoworld.evaluation.checks import Check, check_equal, check_files, check_i
 from legoworld.evaluation.family import RecordedEvaluation, load_evaluation_family
 from legoworld.files import Json
 from legoworld.records.base import as_json
-from legoworld.records.evaluation_rows import EvaluationRow, ImageRow
-from legoworld.records.evaluation_summary import Summary
+from legoworld.records.evaluation import EvaluationRow, ImageRow, Summary
 from legoworld.records.folders.read_evaluation import (
     SUMMARY,
     read_evaluation_evidence,

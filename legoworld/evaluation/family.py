@@ -18,9 +18,12 @@ from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.run import Run
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
-from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
+from legoworld.records.evaluation import (
+    EvaluationEvidence,
+    EvaluationRow,
+    ScoreConfiguration,
+    Summary,
+)
 from legoworld.records.folders.evaluation_folder import InputFile, input_file, prepare_folder
 from legoworld.remote import child
 from legoworld.tables.table import Table

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from legoworld.pluralize import plural, share
-from legoworld.records.evaluation_summary import Coverage, Interval, Summary
+from legoworld.records.evaluation import Coverage, Interval, Summary
 from legoworld.tables.table import Cell, Column, Number, Spread, Table
 
 #: Maximum number of lines of one kind.

@@ -11,8 +11,7 @@ from typing import Any, Final, TypeVar
 from legoworld.errors import LegoWorldError, UsageError, cause
 from legoworld.pluralize import plural
 from legoworld.records.base import RecordError, decode, decode_lines
-from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import Coverage
+from legoworld.records.evaluation import Coverage, EvaluationRow
 from legoworld.records.folders.prediction_files import prediction_files, stored_batches
 from legoworld.records.folders.read_run import ROWS, RUN, describe_other_folder, list_altered
 from legoworld.records.folders.run_journal import JOURNAL

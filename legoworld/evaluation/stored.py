@@ -14,10 +14,9 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.family import load_evaluation_family
 from legoworld.files import sha256_of_file
 from legoworld.records.base import decode
-from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
-from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evaluation_view import ShownPrediction, TruthView
-from legoworld.records.evidence import EvaluationEvidence, Evidence
+from legoworld.records.coco_file import ShownPrediction, TruthView
+from legoworld.records.detection import CategoryRow
+from legoworld.records.evaluation import EvaluationEvidence, EvaluationRow, Evidence, Summary
 from legoworld.records.folders.read_evaluation import (
     EVIDENCE,
     MATCHES,
@@ -37,8 +36,7 @@ from legoworld.records.run_rows import RunRow
 
 if TYPE_CHECKING:
     from legoworld.records.depth import DepthSummary
-    from legoworld.records.evaluation_rows import DetectionRow
-    from legoworld.records.evaluation_summary import DetectionSummary
+    from legoworld.records.detection import DetectionRow, DetectionSummary
     from legoworld.records.reconstruction import ReconstructionRow, ReconstructionSummary
 
 T = TypeVar("T")

@@ -8,7 +8,7 @@ from msgspec import Meta, field
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evaluation_summary import Evaluator, Interval
+from legoworld.records.evaluation import Evaluator, Interval
 from legoworld.records.reconstruction import Flag, ObjectRow, Over
 from legoworld.records.second_card import XNumbers, XScores
 from legoworld.records.submission import Check

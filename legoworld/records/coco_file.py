@@ -1,19 +1,22 @@
-"""Files in COCO's form: what `legoworld export --format coco` writes, and two of others.
+"""Files in COCO's form: what `legoworld export --format coco` writes, view/, and two of others.
 
-Those are LVIS's verified categories, and panopticapi's JSON (ground truth, or answers), of which a
-folder has the PNGs.
+view/ of an evaluation of boxes or masks: what a report draws over the photos; private, as truth is.
+Those of others are LVIS's verified categories, and panopticapi's JSON (ground truth, or answers),
+of which a folder has the PNGs.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evaluation_view import Segmentation
-from legoworld.records.predictions import Box, Number
+from legoworld.records.predictions import Box, Corners, Number, Point, Prediction, Rle
 from legoworld.records.track import CategoryInfo, Id, ImageInfo
+
+#: A mask, or polygons of x, y, x, y, ...
+Segmentation = Rle | tuple[tuple[Number, ...], ...]
 
 
 class CocoInfo(Record, frozen=True, kw_only=True):
@@ -133,3 +136,53 @@ class PanopticTruthFile(PanopticAnswers, frozen=True, kw_only=True):
 
     images: Annotated[tuple[ImageInfo, ...], Meta(min_length=1)]
     categories: Annotated[tuple[CategoryInfo, ...], Meta(min_length=1)]
+
+
+class TrueImage(Record, frozen=True, kw_only=True):
+    """A photo of the truth. intrinsics: rows of K, where boxes in space are scored."""
+
+    id: int
+    width: int
+    height: int
+    intrinsics: tuple[Point, Point, Point] | UnsetType = field(default=UNSET, name="K")
+
+
+class TrueCategory(Record, frozen=True, kw_only=True):
+    """A category of the truth. frequency: LVIS's letter."""
+
+    id: int
+    name: str
+    frequency: str | UnsetType = UNSET
+
+
+class TrueAnnotation(Record, frozen=True, kw_only=True):
+    """One instance of the truth, as its file has it. bbox: x, y, width, height."""
+
+    image_id: int
+    category_id: int
+    bbox: Box
+    area: Number | UnsetType = UNSET
+    segmentation: Segmentation | UnsetType = UNSET
+    visible_mask: Segmentation | UnsetType = UNSET
+    iscrowd: Number | UnsetType = UNSET
+    ignore: Number | UnsetType = UNSET
+    corners: Corners | UnsetType = field(default=UNSET, name="bbox3D")
+
+
+class TruthCategories(Record, frozen=True, kw_only=True):
+    """view/truth.json of boxes and masks, as far as it is about categories."""
+
+    categories: tuple[TrueCategory, ...]
+
+
+class TruthView(TruthCategories, frozen=True, kw_only=True):
+    """view/truth.json of boxes and masks: the truth of the track's images."""
+
+    images: tuple[TrueImage, ...]
+    annotations: tuple[TrueAnnotation, ...]
+
+
+class ShownPrediction(Prediction, frozen=True, kw_only=True):
+    """One of view/predictions.json. outcome_50: what the evaluator made of it at IoU 0.5."""
+
+    outcome_50: Literal["tp", "fp", "ignored", "unverified", "over_cap"]

@@ -1,4 +1,4 @@
-"""comparison.json: evaluations beside each other, and several such comparisons as one."""
+"""comparison.json and its evidence: evaluations beside each other; several comparisons as one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 
 from legoworld.conventions import SCHEMA_VERSION
 from legoworld.records.base import UNSET, Record, UnsetType, decode
-from legoworld.records.evaluation_summary import Coverage, DepthRules, Evaluator, Interval
+from legoworld.records.evaluation import Coverage, DepthRules, Evaluator, Evidence, Interval
 
 #: What `kind` says, in evidence.json too.
 KIND: Final = "comparison"
@@ -163,6 +163,41 @@ class JoinedComparison(Record, frozen=True, kw_only=True, tag_field="kind", tag=
     common_images: int
     provenance: ByField
     notes: tuple[str, ...]
+
+
+class ComparisonSettings(Record, frozen=True, kw_only=True):
+    """What the numbers of a comparison depend on besides the evaluations."""
+
+    draws: int
+    seed: int
+    allow_truth_prompts: bool
+
+
+class PairedNumbers(Record, frozen=True, kw_only=True):
+    """A metric over the paired images."""
+
+    scene: float | None
+    baseline: float | None
+    difference: float | None
+
+
+class PairEvidence(PairHead, frozen=True, kw_only=True):
+    """Two methods and their numbers over the paired images, by metric."""
+
+    paired_metrics: dict[str, PairedNumbers]
+
+
+class ComparisonEvidence(Evidence, frozen=True, kw_only=True):
+    """Of a comparison. methods: each side's name, and of its own evidence what its family says.
+
+    pairs: filled in when the numbers are made.
+    """
+
+    kind: str = KIND
+    task: str
+    configuration: ComparisonSettings
+    methods: tuple[dict[str, Any], ...]
+    pairs: tuple[PairEvidence, ...] = ()
 
 
 def decode_comparison(data: bytes) -> Comparison | JoinedComparison:

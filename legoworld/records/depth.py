@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Final
+from typing import Final, Literal
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evaluation_summary import Coverage, DepthRules
-from legoworld.records.evidence import (
+from legoworld.records.evaluation import (
+    Coverage,
+    DepthRules,
     EvaluationEvidence,
     RecordFamily,
     ScoreConfiguration,
@@ -120,6 +121,28 @@ class DepthEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     configuration: DepthConfiguration
     protocol: DepthChoices
     metrics: Means
+
+
+class Fit(Record, frozen=True, kw_only=True):
+    """Depth: aligned disparity = scale * predicted disparity + shift."""
+
+    scale: float
+    shift: float
+    status: Literal["ok", "inverted", "degenerate"]
+
+
+class DepthView(Record, frozen=True, kw_only=True):
+    """view/ID.json of depth: a small picture of truth and aligned prediction.
+
+    Arrays are base64 of little-endian float32 metres along camera z, row major, inf where there is
+    none; size_wh is theirs, image_wh the truth's.
+    """
+
+    size_wh: tuple[int, int]
+    image_wh: tuple[int, int]
+    truth_z_m: str
+    aligned_z_m: str
+    fit: Fit
 
 
 RECORDS: Final = RecordFamily(

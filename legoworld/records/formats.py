@@ -48,7 +48,7 @@ FORMATS: Final[Mapping[str, Format]] = {
         "EVALUATION/evidence.json, normals", "normals:NormalsEvidence"
     ),
     "evaluation-per-category": Format(
-        "a line of EVALUATION/per_category.jsonl", "evaluation_rows:CategoryRow"
+        "a line of EVALUATION/per_category.jsonl", "detection:CategoryRow"
     ),
     "evaluation-per-image-bench": Format(
         "a line of EVALUATION/per_image.jsonl, bench", "reconstruction:ReconstructionRow"
@@ -60,7 +60,7 @@ FORMATS: Final[Mapping[str, Format]] = {
         "a line of EVALUATION/per_image.jsonl, depth, scored", "depth:ScoredDepthRow"
     ),
     "evaluation-per-image-detection": Format(
-        "a line of EVALUATION/per_image.jsonl, boxes and masks", "evaluation_rows:DetectionRow"
+        "a line of EVALUATION/per_image.jsonl, boxes and masks", "detection:DetectionRow"
     ),
     "evaluation-per-image-label-maps": Format(
         "a line of EVALUATION/per_image.jsonl, panoptic segments and semantic maps",
@@ -80,7 +80,7 @@ FORMATS: Final[Mapping[str, Format]] = {
     ),
     "evaluation-summary-depth": Format("EVALUATION/summary.json, depth", "depth:DepthSummary"),
     "evaluation-summary-detection": Format(
-        "EVALUATION/summary.json, boxes and masks", "evaluation_summary:DetectionSummary"
+        "EVALUATION/summary.json, boxes and masks", "detection:DetectionSummary"
     ),
     "evaluation-summary-label-maps": Format(
         "EVALUATION/summary.json, panoptic segments and semantic maps", "label_maps:LabelMapSummary"

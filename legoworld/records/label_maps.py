@@ -7,11 +7,14 @@ from functools import partial
 from typing import Final
 
 from legoworld.records.base import Record, decode_lines
-from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import Interval, MetricValue, Summary, Values
-from legoworld.records.evidence import (
+from legoworld.records.evaluation import (
     EvaluationEvidence,
+    EvaluationRow,
+    Interval,
+    MetricValue,
     RecordFamily,
+    Summary,
+    Values,
 )
 
 

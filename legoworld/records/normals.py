@@ -9,11 +9,7 @@ from functools import partial
 from typing import Final
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evidence import (
-    EvaluationEvidence,
-    RecordFamily,
-    ScoreConfiguration,
-)
+from legoworld.records.evaluation import EvaluationEvidence, RecordFamily, ScoreConfiguration
 from legoworld.records.pixels import Means, Metrics, PixelRow, PixelSummary, pixel_rows
 
 
@@ -103,6 +99,19 @@ class NormalsEvidence(EvaluationEvidence, frozen=True, kw_only=True):
     protocol: NormalsChoices
     metrics: Means
     pooled: Means
+
+
+class NormalsView(Record, frozen=True, kw_only=True):
+    """view/ID.json of normals: a small picture of truth and prediction.
+
+    Arrays are base64 of little-endian float32 x, y, z towards the camera, row major, NaN where
+    there is none; size_wh is theirs, image_wh the truth's.
+    """
+
+    size_wh: tuple[int, int]
+    image_wh: tuple[int, int]
+    truth: str
+    predicted: str
 
 
 RECORDS: Final = RecordFamily(

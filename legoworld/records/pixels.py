@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, Literal, TypeVar
 
 from legoworld.records.base import UNSET, Record, RecordError, UnsetType, decode, decode_lines
-from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import Interval, MetricValue, NotScored, Summary
+from legoworld.records.evaluation import EvaluationRow, Interval, MetricValue, NotScored, Summary
 
 #: The status of an image without enough valid truth.
 NO_TRUTH: Final = "no_gt"

@@ -10,19 +10,18 @@ from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType, decode_lines
 from legoworld.records.bench_dataset import Articulation, ArticulationSummary, Tier
-from legoworld.records.evaluation_rows import EvaluationRow, Outcome
-from legoworld.records.evaluation_summary import (
+from legoworld.records.evaluation import (
     Coverage,
+    EvaluationEvidence,
+    EvaluationRow,
     Interval,
     MetricValue,
     NotScored,
-    Summary,
-    Values,
-)
-from legoworld.records.evidence import (
-    EvaluationEvidence,
+    Outcome,
     RecordFamily,
     ScoreConfiguration,
+    Summary,
+    Values,
 )
 from legoworld.records.second_card import XScores
 from legoworld.records.submission import Check

@@ -9,9 +9,15 @@ from typing import Annotated
 from msgspec import Meta, field
 
 from legoworld.records.base import UNSET, Record, UnsetType, decode_lines
-from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import Interval, MetricValue, Summary
-from legoworld.records.evidence import EvaluationEvidence, RecordFamily, ScoreConfiguration
+from legoworld.records.evaluation import (
+    EvaluationEvidence,
+    EvaluationRow,
+    Interval,
+    MetricValue,
+    RecordFamily,
+    ScoreConfiguration,
+    Summary,
+)
 from legoworld.records.track import Answered, Box, Question, ShownQuestion
 
 Vector = tuple[float, float, float]

@@ -6,7 +6,8 @@ from typing import Literal
 
 from legoworld.records.base import UNSET, Record, UnsetType
 from legoworld.records.comparison import Comparison, Dropped, PairCoverage
-from legoworld.records.evaluation_summary import Evaluator, Ties
+from legoworld.records.detection import Ties
+from legoworld.records.evaluation import Evaluator
 from legoworld.records.report_page import PhotoRow
 from legoworld.records.report_reconstruction import BenchTables
 from legoworld.tables.table import Table

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from legoworld.records.base import UNSET, Record, UnsetType
-from legoworld.records.evaluation_rows import ImageRow
+from legoworld.records.evaluation import ImageRow
 from legoworld.records.joints import SceneJoint
 from legoworld.records.submission import (
     Integrity,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final, Literal
 
 from legoworld.records.base import Record
-from legoworld.records.evaluation_summary import Interval
+from legoworld.records.evaluation import Interval
 
 #: The file in a folder of scores.
 TRAJECTORIES: Final = "trajectories.json"

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from legoworld.evaluation.detection.grid import HALF
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.coco_file import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import Advice, DrawnPrediction
 from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage

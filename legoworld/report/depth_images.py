@@ -14,8 +14,7 @@ from legoworld.evaluation.depth.arrays import DepthArray
 from legoworld.evaluation.depth.protocol import depth_protocol
 from legoworld.evaluation.depth.scoring import ImageScore, aligned_z, score_image, valid_truth
 from legoworld.evaluation.pixels.resampling import decode_array, sampler
-from legoworld.records.depth import ScoredDepthRow
-from legoworld.records.evaluation_view import DepthView
+from legoworld.records.depth import DepthView, ScoredDepthRow
 from legoworld.records.report_page import Advice, DepthDrawing
 from legoworld.records.report_tables import Plots
 from legoworld.report.mended_pixels import Mending

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from legoworld.records.evaluation_view import DepthView
+from legoworld.records.depth import DepthView
 from legoworld.records.report_page import DepthPageView
 from legoworld.report.depth_images import (
     MENDING,

@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_rows import DetectionRow
-from legoworld.records.evaluation_view import (
-    ShownPrediction,
-    TrueAnnotation,
-    TrueImage,
-)
+from legoworld.records.coco_file import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.detection import DetectionRow
 from legoworld.records.run_file import ImageSource
 from legoworld.records.run_rows import RunRow
 from legoworld.report.error_kinds import ImageErrors, image_errors

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from legoworld.comparison.verdict import noun, verdict_sentences
 from legoworld.evaluation.stored import StoredEvaluation
-from legoworld.records.evaluation_rows import Outcome
+from legoworld.records.evaluation import Outcome
 from legoworld.records.report_tables import (
     CoverageBar,
     CoveragePart,

@@ -18,7 +18,7 @@ from legoworld.records.comparison import (
     Measured,
     Pair,
 )
-from legoworld.records.evaluation_summary import Summary
+from legoworld.records.evaluation import Summary
 from legoworld.records.report_tables import ForestRow, Span
 from legoworld.report.family import load_page_family
 from legoworld.tables.table import line

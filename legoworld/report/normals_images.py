@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.normals.arrays import TOWARDS, NormalsArray, valid_normals
 from legoworld.evaluation.normals.protocol import HOLE_DEG, angular_errors
 from legoworld.evaluation.pixels.resampling import decode_array, sampler
-from legoworld.records.evaluation_view import NormalsView
-from legoworld.records.normals import ScoredNormalsRow
+from legoworld.records.normals import NormalsView, ScoredNormalsRow
 from legoworld.records.report_page import Advice, NormalsDrawing
 from legoworld.report.mended_pixels import Mending
 

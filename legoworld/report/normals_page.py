@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from legoworld.records.evaluation_view import NormalsView
+from legoworld.records.normals import NormalsView
 from legoworld.records.report_page import NormalsPageView
 from legoworld.report.normals_images import MENDING, normals_advice, normals_drawing, normals_facts
 from legoworld.report.pixel_section import PixelPage, pixel_page

@@ -15,7 +15,7 @@ from legoworld.comparison.tables import Document, headline_blocks, list_comparis
 from legoworld.comparison.verdict import noun, verdict_sentences
 from legoworld.evaluation.family import load_evaluation_family
 from legoworld.evaluation.metrics import metric_tables
-from legoworld.records.evaluation_summary import Summary
+from legoworld.records.evaluation import Summary
 from legoworld.records.report_tables import ForestRow, Span
 from legoworld.records.scene_folder import InstanceRow
 from legoworld.report.forest import evaluated_sentence, forest_rows

@@ -7,7 +7,7 @@ from typing import Any
 
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.records.base import UNSET
-from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.coco_file import ShownPrediction, TrueAnnotation
 from legoworld.records.report_page import DrawnPrediction, DrawnTruth
 from legoworld.records.run_rows import Exported
 from legoworld.report.detection_images import DetectionImage, SideImage

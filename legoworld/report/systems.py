@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from legoworld.comparison.ranks import RankedSides, rank_sides
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
 from legoworld.records.report_page import PhotoRow
 from legoworld.report.family import load_page_family
 from legoworld.report.sources import Section

@@ -13,7 +13,7 @@ from legoworld.evaluation.metrics import metric_tables
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.base import UNSET
 from legoworld.records.comparison import Comparison, ComparisonRow, Measured, Pair
-from legoworld.records.evaluation_rows import CategoryRow
+from legoworld.records.detection import CategoryRow
 from legoworld.records.report_tables import (
     CategoryCell,
     CategoryLine,

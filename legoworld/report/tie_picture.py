@@ -11,7 +11,7 @@ from legoworld.evaluation.detection.matching.outcomes import EQUAL, OWN, table_f
 from legoworld.evaluation.detection.ranking.ties import order_aps
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.pluralize import share
-from legoworld.records.evaluation_summary import Ties, TieSpread
+from legoworld.records.detection import Ties, TieSpread
 from legoworld.records.report_tables import TieBar, TieDrawing, TiePicture
 
 WIDTH: Final = 640

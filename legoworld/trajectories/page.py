@@ -25,7 +25,7 @@ from legoworld.files import write_text
 from legoworld.readouts.pictures import read_photo
 from legoworld.records.base import as_json
 from legoworld.records.bench_results import JudgePair
-from legoworld.records.evaluation_summary import Interval
+from legoworld.records.evaluation import Interval
 from legoworld.records.trajectories import (
     AgentTable,
     PageStep,

@@ -24,7 +24,7 @@ from legoworld.endpoint.trial_record import CALLS
 from legoworld.errors import LegoWorldError, cause, one_line
 from legoworld.records.agents import ReconstructionFile
 from legoworld.records.base import Record, RecordError, decode, decode_lines
-from legoworld.records.evaluation_summary import Summary
+from legoworld.records.evaluation import Summary
 from legoworld.records.folders.read_evaluation import EVIDENCE, read_summary
 from legoworld.records.folders.read_run import (
     CONFIGURATION,

@@ -24,7 +24,7 @@ from legoworld.evaluation.checks import Check
 from legoworld.evaluation.detection.evaluators import EvaluatorKind
 from legoworld.files import sha256_of_file
 from legoworld.records.base import canonical
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
 
 SIZE_WH = (40, 30)
 DEPTH_NAMES = ("a/images/dslr_images/1.JPG", "a/images/dslr_images/2.JPG",

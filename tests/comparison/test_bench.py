@@ -24,7 +24,7 @@ from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.verification import verify_comparison
 from legoworld.errors import ConfigurationMismatchError, UsageError
 from legoworld.evaluation.reconstruction.means import mean_and_sd
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
 from legoworld.tables.files import comma_separated, markdown
 
 SETTINGS = ComparisonSettings(draws=200, seed=0, allow_truth_prompts=False)

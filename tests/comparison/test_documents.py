@@ -31,7 +31,8 @@ from legoworld.evaluation.detection.scoring import AGREEMENT
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.files import TEMPORARY_SUFFIX, sha256_of_file
 from legoworld.records.base import decode
-from legoworld.records.evidence import AnyEvidence, ComparisonEvidence
+from legoworld.records.comparison import ComparisonEvidence
+from legoworld.records.evaluation import AnyEvidence
 
 NOTHING = AnyEvidence(kind="comparison", configuration={}, versions={}, inputs=(), files={})
 COVERAGE = {"attempted": 12, "with_truth": 12, "scene_scored": 10, "baseline_scored": 11,

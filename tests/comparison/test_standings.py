@@ -13,7 +13,7 @@ from legoworld.api.bench import bench_table
 from legoworld.comparison.make_comparison import make_comparison
 from legoworld.comparison.standings import STANDARD, _cost, _on_frontier
 from legoworld.records.agents import Usage
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
 
 USAGE = {"prompt_tokens": 1000, "cached_tokens": 400, "completion_tokens": 50}
 

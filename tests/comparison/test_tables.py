@@ -16,7 +16,7 @@ from legoworld.records.comparison import (
     Measured,
     Pair,
 )
-from legoworld.records.evaluation_summary import Interval
+from legoworld.records.evaluation import Interval
 from legoworld.tables.files import latex
 from legoworld.tables.table import table
 

@@ -11,8 +11,9 @@ from comparison.evaluations import compared, depth_scene_and_baseline, scene_and
 
 from legoworld.comparison.folder import read_document
 from legoworld.records.base import as_json, canonical, decode, readable
-from legoworld.records.evaluation_view import DepthView, ShownPrediction, TruthView
-from legoworld.records.evidence import ComparisonEvidence
+from legoworld.records.coco_file import ShownPrediction, TruthView
+from legoworld.records.comparison import ComparisonEvidence
+from legoworld.records.depth import DepthView
 from legoworld.records.folders.read_evaluation import (
     EvaluationFolderError,
     read_category_rows,

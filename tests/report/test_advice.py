@@ -9,8 +9,8 @@ import pytest
 from msgspec.structs import replace
 
 from legoworld.records.base import to_record
-from legoworld.records.evaluation_rows import DetectionRow, Outcomes, PairSums
-from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.coco_file import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.detection import DetectionRow, Outcomes, PairSums
 from legoworld.records.run_rows import RunRow, Unexported, Unmatched
 from legoworld.report.advice import _alike, _edges, detection_advice
 from legoworld.report.detection_images import DetectionImage, SideImage, _errors, _overlaps

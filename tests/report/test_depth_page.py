@@ -13,7 +13,7 @@ from report.pages import Tables, document_of, page_of
 
 from legoworld.evaluation.pixels.resampling import decode_array
 from legoworld.records import base as record
-from legoworld.records.evaluation_view import DepthView
+from legoworld.records.depth import DepthView
 from legoworld.report.depth_images import NO_DEPTH, depth_view, encode_depth
 
 NAMES = ("a.png", "b.png", "c.png")

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 
 from legoworld.comparison.provenance import NOT_RECORDED
 from legoworld.evaluation.detection.matching.outcomes import FALSE_POSITIVE, TRUE_POSITIVE
-from legoworld.records.evaluation_summary import TieSpread
-from legoworld.records.evaluation_view import TrueAnnotation
+from legoworld.records.coco_file import TrueAnnotation
+from legoworld.records.detection import TieSpread
 from legoworld.records.report_page import Advice
 from legoworld.records.report_tables import CategoryCell, CategoryLine, FirstScreen
 from legoworld.report import (

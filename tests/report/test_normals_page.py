@@ -13,7 +13,7 @@ from report.pages import Tables, document_of, page_of
 
 from legoworld.evaluation.pixels.resampling import decode_array
 from legoworld.records import base as record
-from legoworld.records.evaluation_view import NormalsView
+from legoworld.records.normals import NormalsView
 from legoworld.report.normals_images import NO_ERROR, normals_drawing
 
 SIZE = (40, 30)

@@ -19,9 +19,9 @@ from msgspec.structs import replace
 
 from legoworld.evaluation.detection.inputs.masks import from_pixels
 from legoworld.records.base import UNSET
+from legoworld.records.coco_file import ShownPrediction, TrueAnnotation
 from legoworld.records.comparison import ComparisonRow, Difference, Measured
-from legoworld.records.evaluation_rows import Outcome
-from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation
+from legoworld.records.evaluation import Outcome
 from legoworld.records.reconstruction import Flag
 from legoworld.records.report_page import Advice
 from legoworld.report import (

@@ -13,7 +13,7 @@ from legoworld.api.comparison import compare
 from legoworld.comparison import ranks
 from legoworld.comparison.ranks import rank_systems
 from legoworld.records.base import as_json
-from legoworld.records.evidence import ComparisonSettings
+from legoworld.records.comparison import ComparisonSettings
 from legoworld.report.sources import read_sources
 from legoworld.tables.table import Number, Text
 

@@ -71,7 +71,7 @@ from legoworld.records.depth import (
     PartOfEth3d,
     ScoredDepthRow,
 )
-from legoworld.records.evaluation_summary import Coverage
+from legoworld.records.evaluation import Coverage
 from legoworld.tasks.shipped import DEPTH
 
 

@@ -17,8 +17,7 @@ from legoworld.evaluation.pixels.resampling import Sample, Warp, encode_array, s
 from legoworld.evaluation.pixels.rows import too_few, with_holes
 from legoworld.pluralize import plural
 from legoworld.readouts.depth import DEPTH_FILE
-from legoworld.records.depth import DepthRow, ScoredDepthRow
-from legoworld.records.evaluation_view import DepthView, Fit
+from legoworld.records.depth import DepthRow, DepthView, Fit, ScoredDepthRow
 from legoworld.records.pixels import Metrics
 from legoworld.tracks.colmap import Camera
 from legoworld.visibility.lens import Coefficients, Lens, undistort

@@ -23,7 +23,7 @@ from legoworld.evaluation.depth.protocol import (
 )
 from legoworld.evaluation.pixels.family import F64, Mask
 from legoworld.evaluation.pixels.resampling import Sample, SampledPrediction
-from legoworld.records.evaluation_view import Fit
+from legoworld.records.depth import Fit
 from legoworld.records.pixels import Metrics
 
 #: A spread below float32's resolution of the mean is rounding, not information.

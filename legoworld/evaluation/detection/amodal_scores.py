@@ -33,8 +33,8 @@ from legoworld.evaluation.detection.matching.matches import match_and_pair
 from legoworld.evaluation.detection.payloads.masks import as_lists
 from legoworld.evaluation.detection.problem import build_problem
 from legoworld.evaluation.detection.scoring import Notice, Score, ScoreRequest, named_metrics
-from legoworld.records.evaluation_rows import AmodalSums
-from legoworld.records.evaluation_summary import AmodalNumbers, Interval, OcclusionLevel, Values
+from legoworld.records.detection import AmodalNumbers, AmodalSums, OcclusionLevel
+from legoworld.records.evaluation import Interval, Values
 
 LEVELS: Final = ("none", "partial", "heavy")
 _SHOWN: Final = ("AP", "AP50", "AP75", "AR100")

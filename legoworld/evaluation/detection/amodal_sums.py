@@ -27,8 +27,8 @@ from legoworld.evaluation.detection.payloads.masks import MASKS
 from legoworld.evaluation.detection.problem import Floats, Problem
 from legoworld.evaluation.metrics import MetricPart, MetricRow, fraction, number_cell
 from legoworld.records.base import number
-from legoworld.records.evaluation_rows import AmodalSums
-from legoworld.records.evaluation_summary import DetectionSummary, Values
+from legoworld.records.detection import AmodalSums, DetectionSummary
+from legoworld.records.evaluation import Values
 from legoworld.tables.table import Table, table
 
 #: Each number: a sum, divided by another or by the mean of two.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from legoworld.records.evaluation_summary import SpaceErrors
+from legoworld.records.detection import SpaceErrors
 from legoworld.visibility.cuboids import edge_vectors
 
 Floats = NDArray[np.float64]

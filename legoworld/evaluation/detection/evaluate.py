@@ -39,25 +39,23 @@ from legoworld.evaluation.family import EvaluationRequest, make_configuration, p
 from legoworld.evaluation.run import Run, read_predictions, run_view
 from legoworld.records.base import UNSET, UnsetType
 from legoworld.records.detection import (
+    AmodalSums,
     CardOrigin,
-    DetectionConfiguration,
-    DetectionEvidence,
-    EqualScores,
-    RawScores,
-    RunOrigin,
-)
-from legoworld.records.evaluation_rows import AmodalSums
-from legoworld.records.evaluation_summary import (
     Counts,
+    DetectionConfiguration,
     DetectionCoverage,
+    DetectionEvidence,
     DetectionSummary,
     EqualConfidence,
-    Evaluator,
+    EqualScores,
     FrequencyCounts,
     MatchedKinds,
+    RawScores,
+    RunOrigin,
     SpaceErrors,
     TruthCounts,
 )
+from legoworld.records.evaluation import Evaluator
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 
 

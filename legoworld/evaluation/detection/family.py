@@ -45,10 +45,8 @@ from legoworld.evaluation.family import (
     Scores,
 )
 from legoworld.records.base import as_json, decode
-from legoworld.records.detection import DetectionEvidence
-from legoworld.records.evaluation_rows import DetectionRow
-from legoworld.records.evaluation_summary import DetectionSummary
-from legoworld.records.evaluation_view import TruthCategories
+from legoworld.records.coco_file import TruthCategories
+from legoworld.records.detection import DetectionEvidence, DetectionRow, DetectionSummary
 from legoworld.records.folders.read_evaluation import MATCHES, VIEW
 from legoworld.records.predictions import Prediction
 

@@ -21,13 +21,7 @@ from legoworld.evaluation.detection.ranking.accumulation import Curves
 from legoworld.evaluation.detection.scoring import Score
 from legoworld.evaluation.run import Run
 from legoworld.records.base import UNSET, number
-from legoworld.records.evaluation_rows import (
-    AmodalSums,
-    CategoryRow,
-    DetectionRow,
-    Outcomes,
-    PairSums,
-)
+from legoworld.records.detection import AmodalSums, CategoryRow, DetectionRow, Outcomes, PairSums
 
 _OUTCOMES = {FALSE_POSITIVE: "fp", TRUE_POSITIVE: "tp", IGNORED: "ignored"}
 

@@ -36,7 +36,8 @@ from legoworld.evaluation.detection.ranking.resampling import (
 )
 from legoworld.evaluation.detection.ranking.ties import tie_orders
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_summary import Interval, Ties, Values
+from legoworld.records.detection import Ties
+from legoworld.records.evaluation import Interval, Values
 from legoworld.workers.tasks import IN_PROCESS, WorkerPool
 
 #: Largest difference between an evaluator's number and ours: summation order, nothing more.

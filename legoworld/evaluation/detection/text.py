@@ -18,7 +18,7 @@ from legoworld.evaluation.metrics import (
     number_cell,
 )
 from legoworld.pluralize import plural
-from legoworld.records.evaluation_summary import DetectionSummary, Matched, SpaceErrors
+from legoworld.records.detection import DetectionSummary, Matched, SpaceErrors
 from legoworld.tables.table import Number
 
 _SHOWN = ("AP25", "AP50", "AP75")

@@ -35,8 +35,7 @@ from legoworld.evaluation.run import Run, count_images, read_family_run, read_ro
 from legoworld.files import sha256_of_file
 from legoworld.pluralize import share
 from legoworld.records.base import number
-from legoworld.records.evaluation_summary import Evaluator
-from legoworld.records.evidence import ScoreConfiguration
+from legoworld.records.evaluation import Evaluator, ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.label_maps import (

@@ -60,7 +60,6 @@ from legoworld.evaluation.pixels.rows import too_few, with_holes
 from legoworld.evaluation.pixels.summary import attempted_rows, list_few_unscored, list_unscored
 from legoworld.pluralize import plural
 from legoworld.readouts.normals import NORMALS_FILE
-from legoworld.records.evaluation_view import NormalsView
 from legoworld.records.normals import (
     AllAttempted,
     NormalsChoices,
@@ -68,6 +67,7 @@ from legoworld.records.normals import (
     NormalsEvidence,
     NormalsRow,
     NormalsSummary,
+    NormalsView,
     ScoredNormalsRow,
 )
 from legoworld.tasks.shipped import NORMALS

@@ -18,8 +18,7 @@ from legoworld.errors import LegoWorldError
 from legoworld.files import Json
 from legoworld.readouts.pixels import PixelFile
 from legoworld.records.comparison import Better
-from legoworld.records.evaluation_summary import Coverage, Evaluator
-from legoworld.records.evidence import EvaluationEvidence, ScoreConfiguration
+from legoworld.records.evaluation import Coverage, EvaluationEvidence, Evaluator, ScoreConfiguration
 from legoworld.records.pixels import PixelRow, PixelSummary
 from legoworld.records.run_rows import RunImage
 from legoworld.tasks.task import Family

@@ -19,7 +19,7 @@ from legoworld.evaluation.pixels.family import (
 from legoworld.evaluation.run import count_images
 from legoworld.pluralize import plural
 from legoworld.records.base import UNSET, to_record
-from legoworld.records.evaluation_summary import Interval, NotScored
+from legoworld.records.evaluation import Interval, NotScored
 from legoworld.records.pixels import Means, Metrics, PixelBootstrap, PixelRow, PixelSummary
 
 

@@ -24,7 +24,7 @@ from legoworld.evaluation.reconstruction.means import (
 from legoworld.evaluation.reconstruction.protocol import BenchProtocol, Choices
 from legoworld.records.base import UNSET, UnsetType, as_json, to_record
 from legoworld.records.bench_dataset import ArticulationSummary
-from legoworld.records.evaluation_summary import Evaluator, NotScored
+from legoworld.records.evaluation import Evaluator, NotScored
 from legoworld.records.reconstruction import (
     COMPARED,
     CaseFlag,

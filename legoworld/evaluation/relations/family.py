@@ -38,8 +38,7 @@ from legoworld.evaluation.relations.truth import read_truth
 from legoworld.evaluation.run import Run, count_images, read_family_run, read_rows, run_view
 from legoworld.pluralize import plural
 from legoworld.records.base import UNSET, as_json, number
-from legoworld.records.evaluation_summary import Evaluator
-from legoworld.records.evidence import ScoreConfiguration
+from legoworld.records.evaluation import Evaluator, ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import Evaluation, make_evidence, write_evaluation
 from legoworld.records.folders.read_run import ROWS, RUN
 from legoworld.records.relations import (

@@ -27,9 +27,14 @@ from legoworld.files import (
 )
 from legoworld.locks import held_folder
 from legoworld.records.base import UNSET, Record, as_json, canonical, readable, short_json
-from legoworld.records.evaluation_rows import CategoryRow, ImageRow
-from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evidence import EvaluationEvidence, Input, ScoreConfiguration
+from legoworld.records.detection import CategoryRow
+from legoworld.records.evaluation import (
+    EvaluationEvidence,
+    ImageRow,
+    Input,
+    ScoreConfiguration,
+    Summary,
+)
 from legoworld.records.folders.read_evaluation import (
     EVIDENCE,
     MATCHES,

@@ -9,12 +9,13 @@ from typing import Final
 
 from legoworld.errors import LegoWorldError, cause
 from legoworld.records.base import RecordError, decode, decode_lines
-from legoworld.records.evaluation_rows import CategoryRow, EvaluationRow
-from legoworld.records.evaluation_summary import Summary
-from legoworld.records.evidence import (
+from legoworld.records.detection import CategoryRow
+from legoworld.records.evaluation import (
     AnyEvidence,
     EvaluationEvidence,
+    EvaluationRow,
     OfKind,
+    Summary,
     decode_evidence,
     decode_rows,
     decode_summary,

@@ -35,7 +35,7 @@ from legoworld.evaluation.pixels.resampling import decode_array
 from legoworld.evaluation.run import RunUnusableError, read_family_run
 from legoworld.evaluation.stored import read_evaluation
 from legoworld.records.base import as_json, decode
-from legoworld.records.evaluation_view import DepthView
+from legoworld.records.depth import DepthView
 from legoworld.tasks.shipped import DEPTH
 
 SIZE = (32, 20)

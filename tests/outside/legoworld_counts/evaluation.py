@@ -12,8 +12,7 @@ from legoworld.evaluation.checks import check_equal
 from legoworld.evaluation.family import EvaluationFamily, prepare_inputs
 from legoworld.evaluation.metrics import bounds, describe_evaluator, fraction, image_counts
 from legoworld.evaluation.run import read_rows, run_view
-from legoworld.records.evaluation_summary import Coverage, Evaluator
-from legoworld.records.evidence import ScoreConfiguration
+from legoworld.records.evaluation import Coverage, Evaluator, ScoreConfiguration
 from legoworld.records.folders.evaluation_folder import (
     Evaluation,
     installed_versions,

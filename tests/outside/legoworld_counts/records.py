@@ -3,9 +3,15 @@
 from functools import partial
 
 from legoworld.records.base import Record, decode_lines
-from legoworld.records.evaluation_rows import EvaluationRow
-from legoworld.records.evaluation_summary import Interval, MetricValue, Summary
-from legoworld.records.evidence import EvaluationEvidence, RecordFamily, ScoreConfiguration
+from legoworld.records.evaluation import (
+    EvaluationEvidence,
+    EvaluationRow,
+    Interval,
+    MetricValue,
+    RecordFamily,
+    ScoreConfiguration,
+    Summary,
+)
 
 
 class CountsRow(EvaluationRow, frozen=True, kw_only=True):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from legoworld.evaluation.bootstrap import weighted_sums
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints, Problem
 from legoworld.records.base import number
-from legoworld.records.evaluation_summary import Matched
+from legoworld.records.detection import Matched
 from legoworld.workers.processors import core_threads
 
 #: A pair at least this good is a true positive of precision and recall.

@@ -33,7 +33,7 @@ from legoworld.evaluation.detection.inputs.truth_checks import (
 from legoworld.evaluation.detection.payloads.masks import MASKS, as_lists
 from legoworld.evaluation.detection.payloads.payload import Checking, Outline, Row
 from legoworld.files import Json
-from legoworld.records.evaluation_view import TrueImage
+from legoworld.records.coco_file import TrueImage
 from legoworld.records.predictions import AmodalPrediction, Rle
 
 #: What the visible mask is called: in D2SA, COCOA and ours; in KINS; in KINS as it was first given.

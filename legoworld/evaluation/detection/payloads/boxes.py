@@ -27,7 +27,7 @@ from legoworld.evaluation.detection.payloads.payload import (
     Payload,
     Row,
 )
-from legoworld.records.evaluation_view import TrueImage
+from legoworld.records.coco_file import TrueImage
 from legoworld.records.predictions import BoxPrediction
 
 if TYPE_CHECKING:

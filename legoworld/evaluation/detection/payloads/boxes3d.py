@@ -38,7 +38,7 @@ from legoworld.evaluation.detection.payloads.payload import (
     Row,
 )
 from legoworld.files import Json
-from legoworld.records.evaluation_view import TrueImage
+from legoworld.records.coco_file import TrueImage
 from legoworld.records.predictions import Box3dPrediction
 from legoworld.visibility.cuboids import SIGNS, cuboid_corners, edge_vectors, extent_px, lines_px
 

@@ -37,7 +37,7 @@ from legoworld.evaluation.detection.payloads.payload import (
 )
 from legoworld.evaluation.kernels.library import call
 from legoworld.records.base import UnsetType
-from legoworld.records.evaluation_view import Segmentation, TrueImage
+from legoworld.records.coco_file import Segmentation, TrueImage
 from legoworld.records.predictions import MaskPrediction, Rle
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from legoworld.evaluation.detection.inputs.prediction_columns import (
 from legoworld.evaluation.detection.inputs.prediction_order import PredictionOrder
 from legoworld.evaluation.detection.inputs.truth_checks import CheckShapes, Foreign
 from legoworld.files import Json
-from legoworld.records.evaluation_summary import SpaceErrors
-from legoworld.records.evaluation_view import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.coco_file import ShownPrediction, TrueAnnotation, TrueImage
+from legoworld.records.detection import SpaceErrors
 from legoworld.records.predictions import Box3dPrediction, BoxPrediction, MaskPrediction
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
 )
 from legoworld.evaluation.kernels.library import call, pointer, pointers
 from legoworld.records.base import number
-from legoworld.records.evaluation_summary import Ties
+from legoworld.records.detection import Ties
 from legoworld.workers.processors import core_threads
 
 Counts = NDArray[np.int32]
