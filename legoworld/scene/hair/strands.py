@@ -38,7 +38,7 @@ class Strands:
         first = 0
         while first < len(self.start) - 1:
             enough = np.searchsorted(self.start, self.start[first] + _KEYS_AT_ONCE)
-            last = max(first + 1, min(int(enough), len(self.start) - 1))
+            last = min(int(enough), len(self.start) - 1)
             keys = slice(int(self.start[first]), int(self.start[last]))
             yield type(self)(
                 points=self.points[keys],

@@ -121,7 +121,7 @@ def _any_across(axis: NDArray[np.float64]) -> NDArray[np.float64]:
 def _sides(strands: Strands, eye: Eye) -> int:
     """The number of sides that keeps a ring's error below `TOLERANCE` of its distance."""
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
-    if share <= 2.0 * TOLERANCE:
+    if share <= TOLERANCE:
         return _FEWEST_SIDES
     turn = max(math.pi / _MOST_SIDES, math.acos(1.0 - 2.0 * TOLERANCE / share))
     return max(_FEWEST_SIDES, math.ceil(math.pi / turn))

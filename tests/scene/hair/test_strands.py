@@ -21,7 +21,7 @@ from legoworld.scene.hair.strands import (
     nodes,
     usable,
 )
-from legoworld.scene.hair.tubes import _sides, _steps, linear_tubes, round_tubes
+from legoworld.scene.hair.tubes import _carried_along, _sides, _steps, linear_tubes, round_tubes
 
 #: Looks along +z of the strands' own frame from 10 units before its origin.
 TEN_BEFORE = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 10]])
@@ -76,15 +76,71 @@ def test_leaving_steps_out_moves_no_edge_by_more_than_the_tolerance():
         assert off.max() <= TOLERANCE
 
 
-@pytest.mark.parametrize("unit_", [1e-3, 1.0, 1e3])
-def test_steps_do_not_depend_on_the_scene_s_unit(unit_):
-    bend = np.array([(0.002 * y**2, y / 3, 0) for y in range(8)])
-    for scale in np.geomspace(1e-4, 1, 9):
-        curve = bend * (scale, 1, 1)
-        eye = Eye(cam_from_mesh=TEN_BEFORE * (1, 1, 1, unit_), ortho_scale=None)
-        one = nodes(strand(curve, 0.001), EYE, 5, True)
-        other = nodes(strand(curve * unit_, 0.001 * unit_), eye, 5, True)
-        assert other.points == pytest.approx(one.points * unit_)
+def moved(eye: Eye, rows) -> Eye:
+    """The eye of an object that stands by these rows in the present one."""
+    whole = np.array([*eye.cam_from_mesh, (0, 0, 0, 1)]) @ np.array([*rows, (0, 0, 0, 1)])
+    return replace(eye, cam_from_mesh=whole[:3])
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize("unit_", [1e-3, 1e3])
+def test_a_surface_does_not_depend_on_the_scene_s_unit(make, flat, unit_):
+    eye = Eye(cam_from_mesh=TEN_BEFORE * (1, 1, 1, unit_), ortho_scale=8 * unit_ if flat else None)
+    for scale in np.geomspace(1e-4, 1, 5):
+        curve = np.array([(0.002 * scale * y**2, y / 3, 0) for y in range(8)])
+        one = make(strand(curve, 0.01), FLAT_EYE if flat else EYE)
+        other = make(strand(curve * unit_, 0.01 * unit_), eye)
+        assert other[0] == pytest.approx(one[0] * unit_, abs=1e-5 * unit_)
+        assert np.array_equal(other[1], one[1])
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("eye", [EYE, FLAT_EYE])
+def test_a_surface_depends_on_where_a_strand_is_and_not_on_its_object(make, eye):
+    """An object moved and scaled, with the strand the other way in it."""
+    rows = np.array([[0.5, 0, 0, 3], [0, 0.5, 0, -40], [0, 0, 0.5, 2]])
+    for scale in np.geomspace(1e-4, 1, 5):
+        curve = np.array([(0.002 * scale * y**2, y / 3, 0) for y in range(8)])
+        one = make(strand(curve, 0.01), eye)
+        other = make(strand((curve - rows[:, 3]) * 2, 0.02), moved(eye, rows))
+        assert other[0] * 0.5 + rows[:, 3] == pytest.approx(one[0], abs=1e-5)
+        assert np.array_equal(other[1], one[1])
+
+
+def test_an_object_s_largest_scale_counts():
+    rows = np.diag((1.0, 3.0, 2.0, 1.0))[:3]
+    assert moved(EYE, rows).stretch == pytest.approx(3)
+    thick, stretched = strand([(0, 0, 0), (0, 1, 0)], 0.03), strand([(0, 0, 0), (0, 1, 0)], 0.01)
+    assert _sides(stretched, moved(FLAT_EYE, rows)) == _sides(thick, FLAT_EYE)
+
+
+def test_a_view_s_share_is_by_distance_or_by_the_view_s_width():
+    points = np.zeros((2, 2, 3)) + np.array([0, 0, -10]) + np.arange(4).reshape(2, 2, 1)
+    size = np.ones((2, 2))
+    away = np.sqrt([[0, 3], [12, 27]])
+    assert EYE.reach(points) == pytest.approx(away)
+    assert FLAT_EYE.reach(points) == pytest.approx(np.full((2, 2), 8))
+    assert EYE.share(points, size)[0, 0] == np.inf
+    assert EYE.share(points, size).ravel()[1:] == pytest.approx(1 / away.ravel()[1:])
+    made = Eye.of(TEN_BEFORE, 8.0)
+    assert made is not None
+    assert (made.cam_from_mesh.tolist(), made.ortho_scale) == (TEN_BEFORE.tolist(), 8.0)
+
+
+def test_rings_along_a_strand_turn_no_more_than_it_does():
+    curve = Strands(
+        points=np.concatenate([helix().points, helix(0.4).points[:, [1, 2, 0]]]),
+        radius=np.full(18, 0.1),
+        start=np.array([0, 9, 18]),
+    )
+    along = nodes(curve, EYE, 6, False)
+    across = _carried_along(along)
+    assert length(across) == pytest.approx(np.ones(len(across)))
+    assert dot(across, along.tangent) == pytest.approx(np.zeros(len(across)), abs=1e-12)
+    pairs = along.pairs
+    turned = dot(across[pairs], across[pairs + 1])
+    assert (turned >= dot(along.tangent[pairs], along.tangent[pairs + 1]) - 1e-12).all()
 
 
 def test_the_spline_goes_through_its_keys_with_their_radii():
