@@ -20,7 +20,7 @@ from legoworld.scene.blender.meshes import (
     triangle_materials,
 )
 from legoworld.scene.blender.objects import ObjectFacts, ObjectTable
-from legoworld.scene.blender.placements import Generator, GraphEntry, Identity
+from legoworld.scene.blender.placements import NO_MESH, Generator, GraphEntry, Identity
 from legoworld.scene.blender.strands import hair_systems
 from legoworld.scene.blender.thin_meshes import ThinMeshes
 from legoworld.scene.snapshot import LARGEST_COORDINATE, SceneCamera
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import bpy
     import mathutils
 
-_NOTHING: Final = (-1, -1)
 _MeshAndRules = tuple[int, tuple[int, ...], bool]
 """A mesh's address, the alpha rules of its slots, and whether the object is a holdout."""
 
@@ -97,19 +96,16 @@ class _Walker:
         shown = instance.object
         real = instance.instance_object or shown
         facts = self.objects.facts(real)
-        holder, path, by_particles = facts, (), False
+        holder, path = facts, ()
         if instance.is_instance:
             holder = self.objects.facts(instance.parent)
             path = tuple(i for i in instance.persistent_id if i != _UNUSED)[::-1]
-            by_particles = instance.particle_system is not None
         matrix = instance.matrix_world
         entry = GraphEntry(
             top=holder.identity,
             path=path,
             object=facts.identity,
-            mesh=-1,
-            holdout_mesh=-1,
-            by_particles=by_particles,
+            by_particles=instance.particle_system is not None,
             world_from_mesh=(*matrix[0], *matrix[1], *matrix[2]),
         )
         visible, held_out = _camera_sees(facts, holder), holder.holdout
@@ -144,7 +140,7 @@ class _Walker:
         return replace(entry, mesh=mesh, holdout_mesh=holdout)
 
     def _mesh(self, shown: bpy.types.Object, *, held_out: bool) -> tuple[int, int]:
-        """The meshes an entry shows and holds out, copied on first sight; -1 where there is none.
+        """The meshes an entry shows and holds out, copied on first sight, or `NO_MESH`.
 
         held_out: the whole object is a holdout.
         """
@@ -155,7 +151,7 @@ class _Walker:
             rules = self._rules(shown) if len(mesh.polygons) else ()
             by_rule = (pointer, rules if any(rules) else (), held_out)
             if not rules:
-                self._mesh_of[key] = _NOTHING
+                self._mesh_of[key] = (NO_MESH, NO_MESH)
             elif by_rule in self._mesh_by_rule:
                 self._mesh_of[key] = self._mesh_by_rule[by_rule]
             else:
@@ -209,7 +205,7 @@ class _Walker:
             )
         triangles = mesh_triangles(mesh)
         if not any(rules) and not held_out:  # the usual case: opaque, whatever the slot
-            return self._keep(mesh, vertices, triangles, None), -1
+            return self._keep(mesh, vertices, triangles, None), NO_MESH
         rule = np.array(rules, np.int32)[np.clip(triangle_materials(mesh), 0, len(rules) - 1)]
         there, hidden = self.result.alphas.is_there(rule), self.result.alphas.is_holdout(rule)
         if held_out:
@@ -227,7 +223,7 @@ class _Walker:
         rule: NDArray[np.int32],
         unread: set[tuple[int, str]],
     ) -> int:
-        """Keep these triangles of a mesh as a mesh of their own; -1 when there are none."""
+        """Keep these triangles of a mesh as a mesh of their own; `NO_MESH` when there are none."""
         left, cuts = MeshCutter(
             mesh=shown.data,
             shown=shown,
@@ -245,7 +241,7 @@ class _Walker:
         cuts: TriangleCuts | None,
     ) -> int:
         if not len(triangles.vertices):
-            return -1
+            return NO_MESH
         self.result.meshes.append(
             CopiedMesh(
                 vertices=vertices,

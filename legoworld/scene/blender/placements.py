@@ -19,6 +19,8 @@ Identity = tuple[str, str]  # name, path of the library it comes from ("" for no
 Path = tuple[int, ...]
 Matrix = tuple[float, ...]  # 12 numbers: the upper three rows of a 4 x 4 matrix, row major
 
+#: Stands for a mesh's number where there is no mesh.
+NO_MESH: Final = -1
 #: Tolerance for equal transforms, relative to their largest entry.
 _SAME: Final = 1e-4
 
@@ -46,10 +48,10 @@ class GraphEntry:
     top: Identity
     path: Path
     object: Identity
-    mesh: int  # -1: shows nothing
-    holdout_mesh: int  # hides what is behind it and is not seen itself; -1: none
     by_particles: bool
     world_from_mesh: Matrix
+    mesh: int = NO_MESH
+    holdout_mesh: int = NO_MESH  # hides what is behind it and is not seen itself
     scatter: Scatter | None = None
 
 

@@ -13,7 +13,7 @@ from legoworld.conventions import TAKEN_AS_OPAQUE
 from legoworld.scene.affine import cam_from_mesh
 from legoworld.scene.blender.alpha_table import AlphaTable
 from legoworld.scene.blender.meshes import CopiedMesh
-from legoworld.scene.blender.placements import Scatter
+from legoworld.scene.blender.placements import NO_MESH, Scatter
 from legoworld.scene.blender.strands import (
     HairSystem,
     cloud_points,
@@ -64,7 +64,7 @@ class ThinMeshes:
         *,
         held_out: bool,
     ) -> tuple[int, int]:
-        """Numbers of the meshes of an object's particle hair, seen and held out; -1 for none."""
+        """Numbers of the meshes of an object's particle hair, seen and held out, or `NO_MESH`."""
         key = real.original.as_pointer()
         if key not in self._systems:
             self._systems[key] = [
@@ -88,7 +88,7 @@ class ThinMeshes:
         *,
         held_out: bool,
     ) -> tuple[int, int]:
-        """Numbers of the meshes of a hair curves object, seen and held out; -1 for none."""
+        """Numbers of the meshes of a hair curves object, seen and held out, or `NO_MESH`."""
         key = (shown.data.as_pointer(), shown.original.as_pointer())
         if key not in self._strands:
             self._strands[key] = curve_strands(shown)
@@ -96,9 +96,9 @@ class ThinMeshes:
         there, holdout = self._visibility(rules[0], shown, held_out=held_out)
         eye = self._eye(world_from_mesh)
         if not self.drawn or eye is None or not (there or holdout):
-            return -1, -1
+            return NO_MESH, NO_MESH
         made = self._add([(linear_tubes if straight else self._by_settings())(strands, eye)])
-        return (made, -1) if there else (-1, made)
+        return (made, NO_MESH) if there else (NO_MESH, made)
 
     def points(
         self,
@@ -160,13 +160,13 @@ class ThinMeshes:
         return self._spheres[level]
 
     def _add(self, parts: list[Triangulated], *, round_around_0: bool = False) -> int:
-        """Keep parts as one mesh; -1 when they have no triangle.
+        """Keep parts as one mesh; `NO_MESH` when they have no triangle.
 
         round_around_0: its corners' normals are their positions; strands are flat.
         """
         vertices, triangles = parts[0] if len(parts) == 1 else join_meshes(parts)
         if not len(triangles):
-            return -1
+            return NO_MESH
         self.made = True
         self.meshes.append(
             CopiedMesh(
