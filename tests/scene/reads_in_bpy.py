@@ -168,6 +168,9 @@ def _types() -> None:
     text = data.curves.new("t", "FONT")
     text.body = "I"
     link(data.objects.new("Text", text))
+    sheet = data.curves.new("s", "SURFACE")
+    sheet.splines.new("NURBS").points.add(1)
+    link(data.objects.new("Sheet", sheet))
     ball = data.metaballs.new("m")
     ball.elements.new()
     link(data.objects.new("Ball", ball))

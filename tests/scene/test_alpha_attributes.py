@@ -145,8 +145,20 @@ def test_what_a_node_asks_for():
         assert attribute_source(feed(output, **node)) == source(channel)
     with pytest.raises(UnreadableAlphaError, match="attribute of the view layer"):
         attribute_source(feed("Fac", **{**node, "attribute_type": "VIEW_LAYER"}))
-    with pytest.raises(UnreadableAlphaError, match="reserved name 'heat'"):
-        attribute_source(feed("Fac", **{**node, "attribute_name": "heat"}))
+
+
+def test_names_that_cycles_gives_to_its_own_attributes_are_no_mesh_s():
+    """What Cycles' Attribute::standard_name and its Blender exporter name."""
+    names = """N uv generated generated_transform tangent tangent_sign vertex_color undeformed
+        undeformed_N undisplaced undisplaced_N motion_P motion_N particle curve_intercept
+        curve_length curve_random point_random ptex_face_id ptex_uv density color flame heat
+        temperature velocity velocity_x velocity_y velocity_z pointiness random_per_island
+        shadow_transparency position material_index"""
+    for kind, of in (("ATTRIBUTE", "attribute_name"), ("VERTEX_COLOR", "layer_name")):
+        for name in names.split():
+            node = {"type": kind, "attribute_type": "GEOMETRY", of: name}
+            with pytest.raises(UnreadableAlphaError, match=f"reserved name '{name}'"):
+                attribute_source(feed("Color", **node))
 
 
 @pytest.mark.parametrize("colorspace", ["sRGB", "Non-Color"])

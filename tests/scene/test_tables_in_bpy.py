@@ -1,0 +1,63 @@
+"""Every entry of the tables of Blender's names, by what it does in Blender's own Python."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from scene.in_bpy import run_in_bpy
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture(scope="module")
+def told() -> Any:
+    return run_in_bpy("tables_in_bpy.py")
+
+
+def test_a_viewport_keeps_a_scene_whose_modifiers_remember_or_read_something(told):
+    assert not told["moving"]["plain"]
+    assert told["moving"]["modifiers"] == [
+        "BUILD", "CLOTH", "COLLISION", "CORRECTIVE_SMOOTH", "DYNAMIC_PAINT", "EXPLODE", "FLUID",
+        "LAPLACIANDEFORM", "MESH_CACHE", "MESH_DEFORM", "MESH_SEQUENCE_CACHE", "OCEAN",
+        "PARTICLE_INSTANCE", "PARTICLE_SYSTEM", "SOFT_BODY", "SURFACE", "SURFACE_DEFORM",
+    ]  # fmt: skip
+
+
+def test_a_viewport_keeps_a_scene_that_is_animated_where_a_surface_can_see_it(told):
+    assert told["moving"]["data"] == [
+        "cameras", "curves", "hair_curves", "lattices", "materials", "meshes", "metaballs",
+        "node_groups", "nodes of a material", "objects", "pointclouds", "scenes", "shape_keys",
+        "textures",
+    ]  # fmt: skip
+    assert told["moving"]["others"] == [
+        "a marker", "a rigid body world", "an action", "a sequence of images", "a film",
+        "a simulation", "a bake",
+    ]  # fmt: skip
+
+
+def test_missing_data_of_a_library_is_refused_where_a_surface_depends_on_it(told):
+    assert sorted(told["missing"]) == [
+        "actions", "armatures", "collections", "curves", "hair_curves", "lattices", "materials",
+        "meshes", "metaballs", "node_groups", "objects", "particles", "scenes", "shape_keys",
+        "volumes",
+    ]  # fmt: skip
+
+
+def test_a_program_that_adds_something_that_can_render_has_built_a_scene(told):
+    nothing = [kind for kind, built in told["built"].items() if not built]
+    assert (nothing, len(told["built"])) == (["CAMERA", "LIGHT", "SPEAKER"], 12)
+
+
+def test_an_attribute_of_any_type_is_in_a_mesh_s_hash(told):
+    assert len(told["attributes"]) == 13
+    assert set(map(tuple, told["attributes"].values())) == {(True, False)}
+
+
+def test_only_what_a_file_renders_with_is_a_setting(told):
+    """Neither what windows show, nor what entities of their own say."""
+    assert told["changed"] == [
+        "node muted", "object out of renders", "bone without deforming", "pose bone moved",
+        "curve muted", "collection out of renders", "collection held out", "frame", "key's value",
+        "key's point", "vertex",
+    ]  # fmt: skip
