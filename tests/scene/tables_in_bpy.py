@@ -195,6 +195,8 @@ def _is_changed(change: Callable[[dict[str, Any]], object]) -> bool:
     made.shape_key_add(name="Basis")
     made.shape_key_add(name="Key")
     tree = bpy.data.materials.new("Nodes").node_tree
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    group.interface.new_socket("Value", in_out="INPUT", socket_type="NodeSocketFloat")
     action = bpy.data.actions.new("Action")
     armature = bpy.data.armatures.new("Bones")
     rig = link(bpy.data.objects.new("Rig", armature))
@@ -211,6 +213,7 @@ def _is_changed(change: Callable[[dict[str, Any]], object]) -> bool:
         "pose": rig.pose, "pose bone": rig.pose.bones[0], "animation": made.animation_data,
         "curve": made.animation_data.action.layers[0].strips[0].channelbags[0].fcurves[0],
         "collection": bpy.data.collections["Box"], "layer": bpy.context.view_layer,
+        "group": group,
         "held": bpy.context.view_layer.layer_collection.children["Box"],
     }  # fmt: skip
     before = {name: Settings().of(part) for name, part in parts.items()}
@@ -229,6 +232,11 @@ _CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "node coloured": _set("node", "color", (1, 0, 0)),
     "node chosen": _set("node", "select", False),
     "node muted": _set("node", "mute", True),
+    "what a new node of a group has": lambda parts: setattr(
+        parts["group"].interface.items_tree[0], "default_value", 0.5
+    ),
+    "node in a group": lambda parts: parts["group"].nodes.new("ShaderNodeMath"),
+    "mesh with a material": lambda parts: parts["mesh"].materials.append(bpy.data.materials[0]),
     "object moved": _set("object", "location", (1, 2, 3)),
     "object scaled": _set("object", "scale", (1, 2, 3)),
     "object drawn as wire": _set("object", "display_type", "WIRE"),

@@ -57,7 +57,7 @@ def test_an_attribute_of_any_type_is_in_a_mesh_s_hash(told):
 def test_only_what_a_file_renders_with_is_a_setting(told):
     """Neither what windows show, nor what entities of their own say."""
     assert told["changed"] == [
-        "node muted", "object out of renders", "bone without deforming", "pose bone moved",
-        "curve muted", "collection out of renders", "collection held out", "frame", "key's value",
+        "node muted", "node in a group", "object out of renders", "bone without deforming",
+        "pose bone moved", "curve muted", "collection out of renders", "collection held out", "frame", "key's value",
         "key's point", "vertex",
     ]  # fmt: skip

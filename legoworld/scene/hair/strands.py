@@ -220,7 +220,7 @@ def _bends(
     radius = strands.radius
     change = radius[after] - radius
     size = dot(way, way)
-    chord = np.sqrt(np.where(size > 0, size, 1.0))
+    chord = np.sqrt(np.maximum(size, np.finfo(np.float64).tiny))
     off, uneven, swelling = (np.zeros_like(size) for _ in range(3))
     for end in (np.arange(len(radius)), after):
         off = np.maximum(off, length(cross(slope[end], way)) / (3.0 * chord))
