@@ -58,6 +58,6 @@ def test_only_what_a_file_renders_with_is_a_setting(told):
     """Neither what windows show, nor what entities of their own say."""
     assert told["changed"] == [
         "node muted", "node in a group", "object out of renders", "bone without deforming",
-        "pose bone moved", "curve muted", "collection out of renders", "collection held out", "frame", "key's value",
-        "key's point", "vertex",
+        "pose bone moved", "curve muted", "collection out of renders", "collection held out",
+        "frame", "key's value", "key's point", "vertex",
     ]  # fmt: skip
