@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 from legoworld.errors import LegoWorldError, one_line
 from legoworld.files import Json
 from legoworld.records.evaluation import AnyEvidence
 from legoworld.records.folders.evaluation_folder import excluded_keys, hash_and_size
 from legoworld.records.folders.read_evaluation import EVIDENCE
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,19 @@ def find_input(folder: Path, recorded: str, root: Path | None) -> Path | None:
         if candidate.is_file():
             return candidate
     return None
+
+
+def find_closest(places: Iterable[Path], find: Callable[[Path], T | None]) -> T:
+    """What is found at the first place that has it; where none has, the first place's error."""
+    refusal: LegoWorldError | None = None
+    for place in places:
+        try:
+            if (found := find(place)) is not None:
+                return found
+        except LegoWorldError as error:
+            refusal = refusal or error
+    assert refusal is not None
+    raise refusal
 
 
 def _check_hash(what: str, path: Path | None, sha256: str, without: Sequence[str] = ()) -> Check:

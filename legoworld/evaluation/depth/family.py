@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from msgspec.structs import asdict
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from legoworld.evaluation.depth.protocol import (
     CAMERA_MODELS,
     METRICS,
     PRIMARY_POLICY,
-    DepthProtocol,
     depth_protocol,
 )
 from legoworld.evaluation.depth.rows import measure_depth
@@ -44,7 +43,6 @@ from legoworld.evaluation.pixels.evaluate import evaluate_pixels, verify_pixels
 from legoworld.evaluation.pixels.family import (
     Options,
     PixelFamily,
-    PixelProtocol,
     PixelRecords,
     Settings,
 )
@@ -203,10 +201,6 @@ def _array(z_m: NDArray[Any]) -> DepthArray:
     return checked_array(z_m, space="depth", unit="m", intrinsics_px=None, source="the array")
 
 
-def _missing_abs_rel(protocol: PixelProtocol) -> float:
-    return cast("DepthProtocol", protocol).failed_image_abs_rel
-
-
 def _group(file_name: str) -> str:
     return parse_scene_name(file_name) or file_name
 
@@ -219,7 +213,6 @@ PIXELS: Final = PixelFamily(
     errors=ERRORS,
     metrics=METRICS,
     primary=PRIMARY_POLICY,
-    missing=_missing_abs_rel,
     declaration=DECLARATION,
     protocol=depth_protocol,
     valid=valid_truth,

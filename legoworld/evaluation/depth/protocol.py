@@ -74,7 +74,6 @@ class DepthProtocol(PixelProtocol):
 
     delta_base: float
     hole_abs_rel: float
-    failed_image_abs_rel: float
 
 
 def depth_protocol(card: Card) -> DepthProtocol:
@@ -84,7 +83,6 @@ def depth_protocol(card: Card) -> DepthProtocol:
         **vars(common),
         delta_base=float(card.value("scoring.delta_base")),
         hole_abs_rel=float(card.value("holes.error_1_abs_rel")),
-        failed_image_abs_rel=float(card.value("scoring.failed_image_abs_rel")),
     )
 
 

@@ -10,9 +10,8 @@ from typing import Any, Final, cast
 import numpy as np
 
 from legoworld.cards import load_card
-from legoworld.errors import LegoWorldError
 from legoworld.evaluation.bootstrap import centred_interval, resample_counts
-from legoworld.evaluation.checks import Check, refuse_unseen
+from legoworld.evaluation.checks import Check, find_closest, refuse_unseen
 from legoworld.evaluation.evidence import agreement, check_rows, spread_evenly
 from legoworld.evaluation.family import (
     EvaluationRequest,
@@ -235,17 +234,8 @@ def verify_maps(family: MapFamily, recorded: RecordedEvaluation) -> Iterator[Che
         return
     run_file, truth_file = recorded.input("run"), recorded.input("truth")
     run = read_family_run(run_file.parent, family.family, f"a run of {family.noun}")
-    items = spread_evenly(_find_items(family, run, truth_file))
-    yield from check_rows(recorded, (_measure_task(_task(family, item))[0] for item in items))
-
-
-def _find_items(family: MapFamily, run: Run, first: Path) -> list[MapItem]:
-    """The items by the first file of truth: it itself, or the closest folder that has them all."""
-    refusal: LegoWorldError | None = None
-    for place in (first, *first.parents):
-        try:
-            return _items(family, run, place)[0]
-        except LegoWorldError as error:
-            refusal = refusal or error
-    assert refusal is not None
-    raise refusal
+    # The truth is its first file, or the closest folder that has every image's.
+    places = (truth_file, *truth_file.parents)
+    items = find_closest(places, lambda place: _items(family, run, place)[0])
+    measured = (_measure_task(_task(family, item))[0] for item in spread_evenly(items))
+    yield from check_rows(recorded, measured)

@@ -37,7 +37,6 @@ from legoworld.evaluation.normals.protocol import (
     ANGLES,
     ERROR_90,
     FAILS,
-    HOLE_DEG,
     METRICS,
     angular_errors,
     bin_errors,
@@ -50,7 +49,6 @@ from legoworld.evaluation.pixels.family import (
     ImageResult,
     Measuring,
     PixelFamily,
-    PixelProtocol,
     PixelRecords,
     PixelTruth,
 )
@@ -178,10 +176,6 @@ def _view(truth: PixelTruth, sample: Sample) -> NormalsView:
     )
 
 
-def _missing_mean_deg(_protocol: PixelProtocol) -> float:
-    return HOLE_DEG
-
-
 def _make_truth(values: NDArray[Any]) -> PixelTruth:
     return PixelTruth(values=values, counts={})
 
@@ -198,7 +192,6 @@ PIXELS: Final = PixelFamily(
     errors=ERRORS,
     metrics=METRICS,
     primary=ERROR_90,
-    missing=_missing_mean_deg,
     declaration=DECLARATION,
     protocol=normals_protocol,
     valid=valid_normals,

@@ -9,7 +9,7 @@ from typing import Any, Final, cast
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
-from legoworld.evaluation.checks import Check, refuse_unseen
+from legoworld.evaluation.checks import Check, find_closest, refuse_unseen
 from legoworld.evaluation.evidence import agreement, check_rows, check_summary, spread_evenly
 from legoworld.evaluation.family import (
     EvaluationRequest,
@@ -205,14 +205,9 @@ def _truth_files(
     first: Path, images: Sequence[RunImage], family: PixelFamily
 ) -> tuple[TruthFile, ...]:
     """The ground truth of every image, from the closest common parent folder."""
-    refusal: LegoWorldError | None = None
-    for folder in first.parents:
-        try:
-            files = family.find_truth(folder, images)
-        except LegoWorldError as error:
-            refusal = refusal or error
-            continue
-        if files[0].path == first:
-            return files
-    assert refusal is not None
-    raise refusal
+
+    def with_first(folder: Path) -> tuple[TruthFile, ...] | None:
+        files = family.find_truth(folder, images)
+        return files if files[0].path == first else None
+
+    return find_closest(first.parents, with_first)

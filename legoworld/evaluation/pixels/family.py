@@ -92,6 +92,10 @@ class PixelProtocol:
         """Fewer pixels in truth or prediction are not scored."""
         return int(self.card.value("scoring.min_valid_px"))
 
+    def failed_image(self, metric: str) -> float:
+        """The metric's value of an image without a score, where all attempted ones count."""
+        return float(self.card.value(f"scoring.failed_image_{metric}"))
+
     @property
     def choices(self) -> dict[str, Any]:
         """The choices that determine a number, by the last part of their card key."""
@@ -263,8 +267,8 @@ class PixelFamily:
     Every function is a module's own, so that workers can take this value. noun: what the array is,
     in a sentence; stored: how a run keeps it; row: the type of a row without numbers.
 
-    metrics, primary: in display order, and the policy that headlines follow. missing: the first
-    metric's value of an image without a score, by the protocol.
+    metrics, primary: in display order, and the policy that headlines follow; of the first one the
+    card has `scoring.failed_image_<name>`.
     options: the family's own parameters, by name with their defaults.
     protocol: of a task's card; valid: mask of the values of truth that count.
     group: what is drawn with an image, by its file name.
@@ -285,7 +289,6 @@ class PixelFamily:
     errors: PixelErrors
     metrics: tuple[PixelMetric, ...]
     primary: str
-    missing: Callable[[PixelProtocol], float]
     declaration: str
     protocol: Callable[[Card], PixelProtocol]
     valid: Callable[[NDArray[Any]], Mask]

@@ -47,9 +47,7 @@ def summarise(
         metrics=means([row.scores for row in scored if row.scores], family.metrics),
         intervals=intervals,
         bootstrap=bootstrap,
-        all_attempted=records.attempted(
-            **_average_attempted(rows, family.metrics[0], family.missing(protocol))
-        ),
+        all_attempted=records.attempted(**_average_attempted(rows, family.metrics[0], protocol)),
         mean_hole_share=mean([row.hole_share for row in scored if row.hole_share is not UNSET]),
         resampled=sum(bool(row.resampled) for row in scored),
         not_scored=tuple(
@@ -65,10 +63,11 @@ def summarise(
 
 
 def _average_attempted(
-    rows: Sequence[PixelRow], metric: PixelMetric, given: float
+    rows: Sequence[PixelRow], metric: PixelMetric, protocol: PixelProtocol
 ) -> dict[str, Any]:
-    """A metric over every image with truth, where one without a score has a given value."""
+    """A metric over every image with truth, where one without a score has the card's value."""
     with_truth, name = [row for row in rows if row.has_truth], metric.name
+    given = protocol.failed_image(name)
     return {
         name: {
             policy: mean([row.scores[name][policy] if row.scores else given for row in with_truth])
