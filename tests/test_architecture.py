@@ -9,8 +9,6 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 import legoworld
 from legoworld.tasks.shipped import TASKS
 
@@ -80,15 +78,18 @@ def room(module: str) -> str:
     return module.split(".")[1]
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_imports_point_one_way(path):
-    own = path.relative_to(PACKAGE).with_suffix("").parts[0]
-    if own == "__init__":
-        return
-    assert own in LEVEL, f"{own} has no place in ROOMS"
-    for module in imported(path):
-        if module.startswith("legoworld.") and room(module) in LEVEL:
-            assert LEVEL[room(module)] <= LEVEL[own], f"{own} imports {module}"
+def test_imports_point_one_way():
+    wrong = []
+    for path in FILES:
+        own = path.relative_to(PACKAGE).with_suffix("").parts[0]
+        if own == "__init__":
+            continue
+        assert own in LEVEL, f"{own} has no place in ROOMS"
+        for module in imported(path):
+            above = LEVEL.get(room(module), 0) if module.startswith("legoworld.") else 0
+            if above > LEVEL[own]:
+                wrong.append(f"{path.relative_to(PACKAGE)} imports {module}")
+    assert wrong == []
 
 
 #: Lines of Python a room may have: its ceiling, which only falls. Smaller rooms have the last.
@@ -162,20 +163,20 @@ def test_the_page_lists_the_rooms_as_they_are():
     assert below - named == set()
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_only_the_blender_corner_imports_bpy_and_only_targets_torch(path):
-    tops = {name.split(".")[0] for name in imported(path)}
-    if path.relative_to(PACKAGE).as_posix() != "api/targets.py":  # where tensors are asked for
-        assert "torch" not in tops
-    if "blender" not in path.relative_to(PACKAGE).parts:
-        assert not tops & {"bpy", "mathutils", "bmesh"}
+def test_only_the_blender_corner_imports_bpy_and_only_targets_torch():
+    for path in FILES:
+        tops = {name.split(".")[0] for name in imported(path)}
+        if path.relative_to(PACKAGE).as_posix() != "api/targets.py":  # where tensors are asked for
+            assert "torch" not in tops, path
+        if "blender" not in path.relative_to(PACKAGE).parts:
+            assert not tops & {"bpy", "mathutils", "bmesh"}, path
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_the_blender_corner_is_only_named_across_the_process_border(path):
-    if "blender" in path.relative_to(PACKAGE).parts:
-        return
-    assert not any(name.startswith("legoworld.scene.blender.") for name in imported(path))
+def test_the_blender_corner_is_only_named_across_the_process_border():
+    for path in FILES:
+        if "blender" not in path.relative_to(PACKAGE).parts:
+            named = [n for n in imported(path) if n.startswith("legoworld.scene.blender.")]
+            assert named == [], path
 
 
 #: Rooms of one line or of values alone, and the tests that hold them.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import os
 import shutil
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -99,13 +101,37 @@ class Browser:
         return self.page.pdf(prefer_css_page_size=True, print_background=True)
 
 
+def _innermost_frames(_context: int = 1) -> list[inspect.FrameInfo]:
+    """As inspect.stack, of the last eight calls and without source lines."""
+    found: list[inspect.FrameInfo] = []
+    frame = sys._getframe(1)
+    while frame is not None and len(found) < 8:
+        code = frame.f_code
+        found.append(
+            inspect.FrameInfo(frame, code.co_filename, frame.f_lineno, code.co_name, None, None)
+        )
+        frame = frame.f_back
+    return found
+
+
+@contextlib.contextmanager
+def _short_stacks() -> Iterator[None]:
+    """Playwright reads the whole stack and its source at each call, to name the call in errors.
+
+    Below pytest that took three times the CPU of the call itself.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inspect, "stack", _innermost_frames)
+        yield
+
+
 @contextlib.contextmanager
 def browser(**options: Any) -> Iterator[Browser]:
     """A browser that ends with the block; options: of the context, such as has_touch."""
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="Playwright is not installed: pip install playwright"
     )
-    with sync_api.sync_playwright() as playwright:
+    with _short_stacks(), sync_api.sync_playwright() as playwright:
         chromium = playwright.chromium.launch(
             executable_path=chromium_path(), args=_ARGUMENTS, timeout=_PATIENCE_MS
         )
