@@ -37,6 +37,11 @@ class PageDocument:
         return {"photo": self.photos, "render": self.scenes.renders, "overlay": self.overlays}
 
     @property
+    def without_photo(self) -> list[PageView]:
+        """The views that have no photo; each says why."""
+        return [view for view in self.views if view.photo is None]
+
+    @property
     def in_3d(self) -> bool:
         """Whether something is shown in 3D: a scene, or points."""
         points = any(isinstance(v, BenchPageView) and v.raster for v in self.views)

@@ -56,6 +56,11 @@ class WrittenPage:
     views: int
     views_without_photo: int
 
+    @property
+    def photos_left_out(self) -> str:
+        """How many views have no photo, as a sentence without its end; empty where all have."""
+        return _left_out(self.views_without_photo, self.views)
+
 
 @dataclass(frozen=True, kw_only=True)
 class PageAssets:
@@ -108,7 +113,7 @@ def write_page(
         beside=folder if beside.any else None,
         n_bytes=len(text.encode("utf-8")),
         views=len(views),
-        views_without_photo=sum(view.photo is None for view in document.views),
+        views_without_photo=len(document.without_photo),
     )
 
 
@@ -142,8 +147,8 @@ def page_text(
             foreground=FOREGROUND_IOU,
             background=BACKGROUND_IOU,
             no_specialist=NO_SPECIALIST,
-            said=sorted({v.said for v in document.views if v.said}),
-            left_out=_views_left_out(document),
+            said=sorted({view.said for view in document.without_photo}),
+            left_out=_left_out(len(document.without_photo), len(document.views)),
             beside=beside,
             style=Markup(style),
             scripts=[Markup(text) for text in (three, script) if text],
@@ -156,10 +161,9 @@ def page_text(
     )
 
 
-def _views_left_out(document: PageDocument) -> str:
-    missing = sum(bool(view.said) for view in document.views)
-    of_all = share(missing, len(document.views), "view", "views")
-    return f"{of_all} {word_for(missing, 'has', 'have')} no photo"
+def _left_out(missing: int, of: int) -> str:
+    have = word_for(missing, "has", "have")
+    return f"{share(missing, of, 'view', 'views')} {have} no photo" if missing else ""
 
 
 def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:
