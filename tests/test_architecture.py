@@ -106,7 +106,7 @@ MOST_LINES = {
     "plugin": 6950,
     "readouts": 3150,
     "records": 8120,
-    "report": 6800,
+    "report": 6815,
     "running": 2800,
     "scene": 12250,
     "solids": 550,

@@ -62,8 +62,8 @@ def command(folders: tuple[Path, ...], output: Path, out: Output, **given: Any) 
     from legoworld.api.report_page import write_report
 
     page = write_report(folders, output, **given)
-    if page.photos_left_out:
-        out.notice(f"{page.photos_left_out}; the page says why")
+    if page.left_out:
+        out.notice(f"{page.left_out}; the page says why")
     more = f" and {page.beside}" if page.beside else ""
     out.show(
         {

@@ -268,12 +268,9 @@ class _Mender:
             return None
         true, ignored = outcomes
         some = np.flatnonzero(true | ignored)
-        order = np.arange(len(some))
-        return float(
-            ordered_precision(
-                true[some], ignored[some], order[None], (some - order)[None], n_truths
-            )[0]
-        )
+        order = np.arange(len(some))[None]
+        (value,) = ordered_precision(true[some], ignored[some], order, some - order, n_truths)
+        return float(value)
 
     def _gain(self, k: int, outcomes: Outcomes) -> float:
         before, after = self.base[k], self._precision(outcomes, int(self._n_truths[k]))
@@ -281,8 +278,6 @@ class _Mender:
 
     def _without(self, k: int, entries: Sequence[int]) -> float:
         """What a category gains where these predictions are never false positives."""
-        if self.base[k] is None:
-            return 0.0
         rows, mine = self._row[list(entries)] - self._slices[k].start, self._slices[k]
         true, ignored = self._outcomes[0][mine], self._outcomes[1][mine].copy()
         ignored[rows] = ~true[rows]

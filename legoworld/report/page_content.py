@@ -7,8 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from legoworld.records.report_page import PageView
-from legoworld.records.report_reconstruction import BenchPageView
+from legoworld.records.report_page import BenchPageView, PageView
 from legoworld.records.report_tables import PageSection
 from legoworld.report.photos import page_photo
 from legoworld.report.scene_files import SceneFiles

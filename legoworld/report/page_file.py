@@ -47,7 +47,8 @@ SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "pl
 class WrittenPage:
     """beside: the folder of what lies next to the page, None where all is inside.
 
-    views: how many pictures of photos or cases it has, and how many of these have no photo.
+    views: how many pictures of photos or cases it has, and how many of these have no photo;
+    left_out: that in words, empty where all have one.
     """
 
     path: Path
@@ -55,11 +56,7 @@ class WrittenPage:
     n_bytes: int
     views: int
     views_without_photo: int
-
-    @property
-    def photos_left_out(self) -> str:
-        """How many views have no photo, as a sentence without its end; empty where all have."""
-        return _left_out(self.views_without_photo, self.views)
+    left_out: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,6 +111,7 @@ def write_page(
         n_bytes=len(text.encode("utf-8")),
         views=len(views),
         views_without_photo=len(document.without_photo),
+        left_out=_left_out(document),
     )
 
 
@@ -148,7 +146,7 @@ def page_text(
             background=BACKGROUND_IOU,
             no_specialist=NO_SPECIALIST,
             said=sorted({view.said for view in document.without_photo}),
-            left_out=_left_out(len(document.without_photo), len(document.views)),
+            left_out=_left_out(document),
             beside=beside,
             style=Markup(style),
             scripts=[Markup(text) for text in (three, script) if text],
@@ -161,9 +159,10 @@ def page_text(
     )
 
 
-def _left_out(missing: int, of: int) -> str:
-    have = word_for(missing, "has", "have")
-    return f"{share(missing, of, 'view', 'views')} {have} no photo" if missing else ""
+def _left_out(document: PageDocument) -> str:
+    missing = len(document.without_photo)
+    of_all = share(missing, len(document.views), "view", "views")
+    return f"{of_all} {word_for(missing, 'has', 'have')} no photo" if missing else ""
 
 
 def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:

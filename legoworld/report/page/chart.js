@@ -2,8 +2,6 @@
 
 import { button, el, svg, table } from "./elements.js";
 
-const [KEY_LINE, KEY_GAP] = [18, 14];
-
 /**
  * A plot's frame: scales and axes to draw in.
  * @param {{width?: number, height?: number, left?: number, x: Axis, y: Axis, label: string}} options
@@ -131,14 +129,14 @@ function legendAlone(figure, width, top) {
   let [x, y] = [0, top + 4];
   const drawn = Array.from(figure.querySelectorAll(".legend-key"), (key) => {
     const wide = key.getBoundingClientRect().width;
-    if (x && x + wide > width) { [x, y] = [0, y + KEY_LINE]; }
+    if (x && x + wide > width) { [x, y] = [0, y + 18]; }
     const [swatch, text] = [key.querySelector("rect"), styled(key, svg("text", { x: 30, y: 10 }, [key.textContent.trim()]))];
     text.setAttribute("fill", getComputedStyle(key).color);
     const made = svg("g", { transform: "translate(" + x + " " + y + ")" }, [styled(swatch, swatch.cloneNode()), text]);
-    x += wide + KEY_GAP;
+    x += wide + 14;
     return made;
   });
-  return { drawn, high: drawn.length ? y + KEY_LINE - top : 0 };
+  return { drawn, high: drawn.length ? y + 18 - top : 0 };
 }
 
 /* The drawing as the only thing on one page of its own size: the browser's print embeds the fonts.
