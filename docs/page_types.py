@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import msgspec
 
-from legoworld.records import report_page, report_reconstruction, report_tables
+from legoworld.records import report_page, report_tables
 from legoworld.report.page_file import SECTION_FIELDS
 
 OUTPUT: Final = Path(__file__).parents[1] / "tools" / "page" / "records.d.ts"
@@ -27,9 +27,9 @@ ROOTS: Final = (
     report_page.DetectionCell,
     report_page.PixelCell,
     report_page.RelationsCell,
-    report_reconstruction.BenchPageView,
-    report_reconstruction.BenchCell,
-    report_reconstruction.CaseLine,
+    report_page.BenchPageView,
+    report_page.BenchCell,
+    report_page.CaseLine,
 )
 _PLAIN: Final = {
     msgspec.inspect.StrType: "string",

@@ -11,7 +11,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FILE, EXISTING_FOLDER, FILE
-from legoworld.pluralize import plural, share, word_for
+from legoworld.pluralize import plural
 
 
 @click.command("report")
@@ -62,9 +62,8 @@ def command(folders: tuple[Path, ...], output: Path, out: Output, **given: Any) 
     from legoworld.api.report_page import write_report
 
     page = write_report(folders, output, **given)
-    if missing := page.views_without_photo:
-        views = share(missing, page.views, "view", "views")
-        out.notice(f"{views} {word_for(missing, 'has', 'have')} no photo; the page says why")
+    if page.left_out:
+        out.notice(f"{page.left_out}; the page says why")
     more = f" and {page.beside}" if page.beside else ""
     out.show(
         {
@@ -72,7 +71,7 @@ def command(folders: tuple[Path, ...], output: Path, out: Output, **given: Any) 
             "beside": str(page.beside) if page.beside else None,
             "bytes": page.n_bytes,
             "views": page.views,
-            "views_without_photo": missing,
+            "views_without_photo": page.views_without_photo,
         },
         f"{plural(page.views, 'view', 'views')}, {page.n_bytes / 1e6:.1f} MB -> {output}{more}",
     )

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 from legoworld.records.base import UNSET, Record, UnsetType
+from legoworld.records.bench_results import Leaderboard
 from legoworld.records.comparison import Comparison, Dropped, PairCoverage
 from legoworld.records.detection import Ties
 from legoworld.records.evaluation import Evaluator
 from legoworld.records.report_page import PhotoRow
-from legoworld.records.report_reconstruction import BenchTables
 from legoworld.tables.table import Table
 
 #: How two sides stand: by the interval of their difference.
@@ -294,6 +294,42 @@ class Cohorts(Record, frozen=True, kw_only=True):
     categories: tuple[tuple[int, str], ...]
     images: tuple[tuple[int, int, int], ...]
     sides: tuple[MatchedSide, ...]
+
+
+class Outcome(Record, frozen=True, kw_only=True):
+    """A colour of a picture and what it stands for. colour: #rrggbb."""
+
+    name: str
+    text: str
+    colour: str
+
+
+class TierBar(Record, frozen=True, kw_only=True):
+    """One agent's metric by tier. values, sds: in the order of `tiers`; None where undefined."""
+
+    label: str
+    metric: str
+    tiers: tuple[str, ...]
+    cases: tuple[int, ...]
+    values: tuple[float | None, ...]
+    sds: tuple[float | None, ...]
+
+
+class BenchTables(Record, frozen=True, kw_only=True):
+    """What only a bench's section has.
+
+    outcomes: of the picture of R and the points, errors: of the picture of A, each in the order of
+    its codes; delta: A's tolerance; tolerance: R's, a share of the depth; noise_floor: what the
+    references' own renders score, empty where it was not measured.
+    """
+
+    board: Leaderboard
+    tiers: tuple[TierBar, ...]
+    outcomes: tuple[Outcome, ...]
+    errors: tuple[Outcome, ...]
+    delta: int
+    tolerance: float
+    noise_floor: str
 
 
 class PageSection(Record, frozen=True, kw_only=True):

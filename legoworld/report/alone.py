@@ -9,8 +9,7 @@ from pathlib import PurePosixPath
 from msgspec.structs import replace
 
 from legoworld.errors import UsageError
-from legoworld.records.report_page import LabelMapPageView, PageView
-from legoworld.records.report_reconstruction import BenchAnswer
+from legoworld.records.report_page import BenchAnswer, LabelMapPageView, PageView
 from legoworld.records.report_tables import FirstScreen, PageSection, Plots
 from legoworld.report.cohorts import cohort_of_image
 from legoworld.report.page_content import PageDocument

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.evaluation.detection.grid import HALF, Grid
+from legoworld.evaluation.detection.grid import HALF, N_THRESHOLDS, Grid
 from legoworld.evaluation.detection.matching.matches import match_columns
 from legoworld.evaluation.detection.matching.outcomes import (
-    FALSE_POSITIVE,
     IGNORED,
     TRUE_POSITIVE,
     MatchTable,
@@ -26,7 +25,11 @@ from legoworld.evaluation.detection.matching.outcomes import (
 )
 from legoworld.evaluation.detection.problem import Bools, Floats, Ints
 from legoworld.evaluation.detection.protocols import detection_protocol
-from legoworld.evaluation.detection.ranking.accumulation import precision_at_recalls
+from legoworld.evaluation.detection.ranking.compiled_accumulation import (
+    Bits,
+    ordered_precision,
+    pack_bits,
+)
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.sources import ReportInputError
@@ -35,6 +38,8 @@ from legoworld.report.tried import Shifted
 #: An error kind and the category id it is told of: the object's where one is meant, else the
 #: prediction's.
 ErrorKey = tuple[str, int]
+#: Of detections, at which thresholds they are true and at which they do not count.
+Outcomes = tuple[Bits, Bits]
 #: Truths, and the IoU with each.
 Overlaps = tuple[tuple[int, float], ...]
 #: The photos in which everything is displaced by the same pixels.
@@ -164,7 +169,10 @@ class _Mender:
     """
 
     def __init__(self, given: MendedAp, grid: Grid, thresholds: Bools) -> None:
-        self._given, self._grid, self._thresholds = given, grid, thresholds
+        self._given = given
+        self._grid = replace(grid, areas=grid.areas[:1], ranges=grid.ranges[:1])
+        # As many as the compiled accumulation is a mean of, each equally often.
+        self._thresholds = np.resize(np.flatnonzero(thresholds), N_THRESHOLDS)
         self._table: MatchTable = table_from(given.side.matches)
         table = self._table
         self._slices = table.category_slices
@@ -176,13 +184,18 @@ class _Mender:
         entry, truth, iou = map(np.concatenate, zip(*given._pairs, strict=True))
         order = np.argsort(entry, kind="stable")
         self._pairs = entry[order], truth[order], iou[order]
-        #: Predictions that an ignored truth may have taken.
-        self._by_ignored = entry[(iou >= HALF) & self._ignored[truth]]
+        # What is not counted although no ignored truth may have taken it: of its category not all
+        # instances are annotated in its image.
+        unmatched = table.state[0][-1] == IGNORED
+        unmatched &= ~np.isin(table.entry, entry[(iou >= HALF) & self._ignored[truth]])
+        cell = table.image * len(table.category_ids) + table.category
+        self._partial: Bools = np.isin(cell, cell[unmatched])
         #: Of each entry; -1 of one that was not ranked.
         self._row = np.full(int(table.entry.max(initial=-1)) + 1, -1, np.int64)
         self._row[table.entry] = np.arange(len(table.entry))
+        self._outcomes = true, ignored = self._bits(table.state[0])
         self.base = [
-            self._precision(table.state[0][:, rows], n)
+            self._precision((true[rows], ignored[rows]), n)
             for rows, n in zip(self._slices, self._n_truths.tolist(), strict=True)
         ]
 
@@ -235,39 +248,40 @@ class _Mender:
             table.truth_category[left], table.n_truths[0][left], minlength=len(self._slices)
         ).astype(int)
         answered = ~np.isin(table.image, failed)
+        left_of = [np.flatnonzero(answered[rows]) + rows.start for rows in self._slices]
+        true, ignored = self._outcomes
         return self.mean(
-            [
-                self._precision(table.state[0][:, rows][:, answered[rows]], int(n[k]))
-                for k, rows in enumerate(self._slices)
-            ]
+            [self._precision((true[d], ignored[d]), int(n[k])) for k, d in enumerate(left_of)]
         )
 
     def _position(self, category: int) -> int:
         return int(np.searchsorted(self._table.category_ids, category))
 
-    def _precision(self, state: NDArray[np.uint8], n_truths: int) -> float | None:
-        """One category's AP. state: (T, D), best first."""
+    def _bits(self, state: NDArray[np.uint8]) -> Outcomes:
+        """(D,) at which thresholds each is true, and at which it does not count. state: (T, D)."""
+        state = state[self._thresholds]
+        return pack_bits(state == TRUE_POSITIVE), pack_bits(state == IGNORED)
+
+    def _precision(self, outcomes: Outcomes, n_truths: int) -> float | None:
+        """One category's AP; its detections best first."""
         if not n_truths:
             return None
-        state = state[self._thresholds]
-        true = state == TRUE_POSITIVE
-        last = np.flatnonzero(true.any(axis=0))
-        end = int(last[-1]) + 1 if len(last) else 0
-        false = state[:, :end] == FALSE_POSITIVE
-        return float(precision_at_recalls(true[:, :end], false, n_truths).mean())
+        true, ignored = outcomes
+        some = np.flatnonzero(true | ignored)
+        order = np.arange(len(some))[None]
+        (value,) = ordered_precision(true[some], ignored[some], order, some - order, n_truths)
+        return float(value)
 
-    def _gain(self, k: int, state: NDArray[np.uint8]) -> float:
-        before, after = self.base[k], self._precision(state, int(self._n_truths[k]))
+    def _gain(self, k: int, outcomes: Outcomes) -> float:
+        before, after = self.base[k], self._precision(outcomes, int(self._n_truths[k]))
         return 0.0 if before is None or after is None else after - before
 
     def _without(self, k: int, entries: Sequence[int]) -> float:
         """What a category gains where these predictions are never false positives."""
-        rows = self._row[list(entries)] - self._slices[k].start
-        state = self._table.state[0][:, self._slices[k]].copy()
-        state[:, rows] = np.where(
-            state[:, rows] == FALSE_POSITIVE, np.uint8(IGNORED), state[:, rows]
-        )
-        return self._gain(k, state)
+        rows, mine = self._row[list(entries)] - self._slices[k].start, self._slices[k]
+        true, ignored = self._outcomes[0][mine], self._outcomes[1][mine].copy()
+        ignored[rows] = ~true[rows]
+        return self._gain(k, (true, ignored))
 
     def _freed(self, entries: Sequence[int]) -> float:
         """What the categories gain that these predictions were taken from."""
@@ -310,7 +324,7 @@ class _Mender:
         image = np.append(table.image[rows], [e.image for e in extra]).astype(np.int64)
         score = np.append(table.score[rows], [e.score for e in extra])
         rank = np.append(table.rank[rows], [e.order for e in extra])
-        partial = np.append(self._partial(k)[rows - self._slices[k].start], np.zeros(len(extra)))
+        partial = np.append(self._partial[rows], np.zeros(len(extra)))
         source = np.append(rows, -1 - np.arange(len(extra))).astype(np.int64)
         order = np.lexsort((rank, -score, image))
         image, source, partial = image[order], source[order], partial[order].astype(bool)
@@ -332,20 +346,14 @@ class _Mender:
                 self._ignored[truths], self._crowd[truths],
             ),
         )[0]  # fmt: skip
-        state = np.concatenate([state, table.state[0][:, rest]], axis=1)
         image, score = (
             np.append(image, table.image[rest]),
             np.append(score[order], table.score[rest]),
         )
         by_score = np.lexsort((np.append(rank[order], table.rank[rest]), image, -score))
-        return self._gain(k, state[:, by_score])
-
-    def _partial(self, k: int) -> Bools:
-        """(D,) of a category's detections: its instances are not all annotated in their image."""
-        table, rows = self._table, self._slices[k]
-        unmatched = table.state[0][-1, rows] == IGNORED
-        unmatched &= ~np.isin(table.entry[rows], self._by_ignored)
-        return np.isin(table.image[rows], table.image[rows][unmatched])
+        both = zip(self._bits(state), self._outcomes, strict=True)
+        true, ignored = (np.append(own, all_of[rest])[by_score] for own, all_of in both)
+        return self._gain(k, (true, ignored))
 
     def _blocks(
         self,

@@ -7,8 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from legoworld.records.report_page import PageView
-from legoworld.records.report_reconstruction import BenchPageView
+from legoworld.records.report_page import BenchPageView, PageView
 from legoworld.records.report_tables import PageSection
 from legoworld.report.photos import page_photo
 from legoworld.report.scene_files import SceneFiles
@@ -35,6 +34,11 @@ class PageDocument:
     def pictures(self) -> dict[str, list[bytes]]:
         """Every WebP of the page by its kind."""
         return {"photo": self.photos, "render": self.scenes.renders, "overlay": self.overlays}
+
+    @property
+    def without_photo(self) -> list[PageView]:
+        """The views that have no photo; each says why."""
+        return [view for view in self.views if view.photo is None]
 
     @property
     def in_3d(self) -> bool:

@@ -47,7 +47,8 @@ SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "pl
 class WrittenPage:
     """beside: the folder of what lies next to the page, None where all is inside.
 
-    views: how many pictures of photos or cases it has, and how many of these have no photo.
+    views: how many pictures of photos or cases it has, and how many of these have no photo;
+    left_out: that in words, empty where all have one.
     """
 
     path: Path
@@ -55,6 +56,7 @@ class WrittenPage:
     n_bytes: int
     views: int
     views_without_photo: int
+    left_out: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +110,8 @@ def write_page(
         beside=folder if beside.any else None,
         n_bytes=len(text.encode("utf-8")),
         views=len(views),
-        views_without_photo=sum(view.photo is None for view in document.views),
+        views_without_photo=len(document.without_photo),
+        left_out=_left_out(document),
     )
 
 
@@ -142,8 +145,8 @@ def page_text(
             foreground=FOREGROUND_IOU,
             background=BACKGROUND_IOU,
             no_specialist=NO_SPECIALIST,
-            said=sorted({v.said for v in document.views if v.said}),
-            left_out=_views_left_out(document),
+            said=sorted({view.said for view in document.without_photo}),
+            left_out=_left_out(document),
             beside=beside,
             style=Markup(style),
             scripts=[Markup(text) for text in (three, script) if text],
@@ -156,10 +159,10 @@ def page_text(
     )
 
 
-def _views_left_out(document: PageDocument) -> str:
-    missing = sum(bool(view.said) for view in document.views)
+def _left_out(document: PageDocument) -> str:
+    missing = len(document.without_photo)
     of_all = share(missing, len(document.views), "view", "views")
-    return f"{of_all} {word_for(missing, 'has', 'have')} no photo"
+    return f"{of_all} {word_for(missing, 'has', 'have')} no photo" if missing else ""
 
 
 def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:

@@ -13,8 +13,7 @@ from legoworld.records.reconstruction import (
     ObjectRow,
     ReconstructionRow,
 )
-from legoworld.records.report_page import Advice
-from legoworld.records.report_reconstruction import CheckLine
+from legoworld.records.report_page import Advice, CheckLine
 from legoworld.records.run_rows import RunRow
 from legoworld.records.submission import Validity
 from legoworld.report.advice import failure_advice, sorted_advice

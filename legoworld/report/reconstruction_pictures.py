@@ -16,7 +16,8 @@ from legoworld.errors import LegoWorldError
 from legoworld.evaluation.reconstruction.dataset import BenchCase
 from legoworld.evaluation.reconstruction.points import Raster
 from legoworld.evaluation.reconstruction.reference import Reference
-from legoworld.records.report_reconstruction import BenchObject, BenchPoints, BenchRaster, Outcome
+from legoworld.records.report_page import BenchObject, BenchPoints, BenchRaster
+from legoworld.records.report_tables import Outcome
 from legoworld.report.depth_images import NO_DEPTH, encode_depth
 from legoworld.report.reconstruction_case import Codes, SeenSurface
 

@@ -20,8 +20,7 @@ from legoworld.files import sha256_of_file
 from legoworld.records.base import UNSET
 from legoworld.records.bench_results import Leaderboard
 from legoworld.records.reconstruction import COMPARED, ReconstructionRow
-from legoworld.records.report_page import PhotoRow
-from legoworld.records.report_reconstruction import (
+from legoworld.records.report_page import (
     BenchAnswer,
     BenchCell,
     BenchObject,
@@ -30,6 +29,7 @@ from legoworld.records.report_reconstruction import (
     BenchRaster,
     CaseLine,
     ObjectScore,
+    PhotoRow,
 )
 from legoworld.records.report_tables import PageSection
 from legoworld.records.run_rows import RunRow

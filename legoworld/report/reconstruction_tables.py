@@ -13,11 +13,7 @@ from legoworld.evaluation.reconstruction import means
 from legoworld.evaluation.reconstruction.text import noise_floor
 from legoworld.pluralize import plural
 from legoworld.records.bench_results import Leaderboard, LeaderboardRow, Repeated
-from legoworld.records.report_reconstruction import (
-    BenchTables,
-    TierBar,
-)
-from legoworld.records.report_tables import FirstScreen, SideCosts, Verdict
+from legoworld.records.report_tables import BenchTables, FirstScreen, SideCosts, TierBar, Verdict
 from legoworld.report.first_screen import first_screen
 from legoworld.report.reconstruction_pictures import OUTCOMES, error_steps
 from legoworld.report.sources import ReportInputError, Section

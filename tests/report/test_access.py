@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import unicodedata
@@ -174,6 +175,9 @@ def test_plots_are_saved_as_csv_and_svg(chrome: Browser, page: Path, tmp_path: P
                 assert text.startswith("<svg ")
                 assert 'xmlns="http://www.w3.org/2000/svg"' in text
                 assert "class=" not in text, "it needs no style sheet"
+                keys = figure.locator(".legend-key").all_inner_texts()
+                drawn = [html.unescape(t) for t in re.findall("<text [^>]*>([^<]*)</text>", text)]
+                assert drawn[-len(keys) :] == [key.strip() for key in keys], "its legend, once"
 
 
 def test_tie_orders_are_saved_with_every_order_counted(
@@ -305,6 +309,7 @@ def test_a_figure_is_printed_alone_with_its_fonts(
     width, height = drawn.evaluate("n => [n.viewBox.baseVal.width, n.viewBox.baseVal.height]")
     held = chrome.page.locator("figure").filter(has=chrome.page.locator(selector))
     owner = held.first if selector in (".forest", ".tiers") else figure
+    keys = [key.strip() for key in owner.locator(".legend-key").all_inner_texts()]
     owner.get_by_role("button", name=" as PDF").focus()
     chrome.key("Enter")
     assert chrome.page.title() != title, "the file's name"
@@ -312,14 +317,17 @@ def test_a_figure_is_printed_alone_with_its_fonts(
     chrome.until("!document.getElementById('figure-alone')")
     assert chrome.page.title() == title
     (box,) = re.findall(rb"/MediaBox ?\[0 0 ([\d.]+) ([\d.]+)\]", pdf)
-    assert [float(v) for v in box] == pytest.approx([width * 0.75, height * 0.75], abs=1)
+    page_width, page_height = (float(v) / 0.75 for v in box)
+    assert page_width == pytest.approx(width, abs=1.5)
+    assert bool(keys) == (page_height > height + 10)
+    assert page_height < height + 6 + 18 * len(keys)
     assert re.findall(rb"/Type0\b", pdf), "fonts with all their signs"
     embedded_fonts = len(re.findall(rb"/FontFile[23]\b", pdf))
     assert embedded_fonts == len(re.findall(rb"/Type ?/FontDescriptor\b", pdf)) > 0
     assert not re.search(rb"/Subtype ?/Type3", pdf)
     said = printed_text(pdf)
     words = "n => Array.from(n.childNodes, c => c.nodeType === 3 ? c.data : '').join('')"
-    wanted = "".join(drawn.locator("text").evaluate_all(f"all => all.map({words})"))
+    wanted = "".join([*drawn.locator("text").evaluate_all(f"all => all.map({words})"), *keys])
     texts = [re.sub(r"\s", "", unicodedata.normalize("NFKC", t)) for t in (said, wanted)]
     assert texts[0] == texts[1], "all of its text, and none of the rest of the page"
 

@@ -20,7 +20,7 @@ from report.pages import HOSTILE, Tables, document_of, embedded, page_of, writte
 
 from legoworld import cli
 from legoworld.records.reconstruction import ObjectRow, PrecisionRecall, Registration
-from legoworld.records.report_reconstruction import BenchPageView
+from legoworld.records.report_page import BenchPageView
 from legoworld.records.run_rows import RunRow
 from legoworld.report.depth_images import NO_DEPTH
 from legoworld.report.page_content import PageDocument

@@ -99,35 +99,56 @@ function csvOf(rows) {
 const KEPT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharray", "stroke-opacity",
   "font-family", "font-size", "font-weight", "text-anchor", "opacity"];
 
-/* The drawing by itself: every element with the style it has here, on the page's ground. */
+/* The drawing by itself: every element with the style it has here, on the page's ground, its legend below it. */
 function drawingAlone(root) {
   const copy = root.cloneNode(true);
   const [from, to] = [root.querySelectorAll("*"), copy.querySelectorAll("*")];
-  from.forEach((node, i) => {
-    const style = getComputedStyle(node);
-    KEPT.forEach((name) => to[i].setAttribute(name, style.getPropertyValue(name)));
-    to[i].removeAttribute("class");
-  });
-  const view = root.viewBox.baseVal;
+  from.forEach((node, i) => styled(node, to[i]));
+  const { width, height } = root.viewBox.baseVal;
+  const keys = legendAlone(root.closest("figure"), width, height);
+  const high = height + keys.high;
   copy.removeAttribute("class");
   copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
-  copy.setAttribute("width", String(view.width));
-  copy.setAttribute("height", String(view.height));
-  copy.prepend(svg("rect", { width: view.width, height: view.height,
-    fill: getComputedStyle(document.body).backgroundColor }));
+  copy.setAttribute("viewBox", "0 0 " + width + " " + high);
+  copy.setAttribute("width", String(width));
+  copy.setAttribute("height", String(high));
+  copy.prepend(svg("rect", { width, height: high, fill: getComputedStyle(document.body).backgroundColor }));
+  copy.append(...keys.drawn);
   return copy;
+}
+
+function styled(node, copy) {
+  const style = getComputedStyle(node);
+  KEPT.forEach((name) => copy.setAttribute(name, style.getPropertyValue(name)));
+  copy.removeAttribute("class");
+  return copy;
+}
+
+/* A figure's legend, which is HTML in the page, as lines below its drawing; how high they are. */
+function legendAlone(figure, width, top) {
+  let [x, y] = [0, top + 4];
+  const drawn = Array.from(figure.querySelectorAll(".legend-key"), (key) => {
+    const wide = key.getBoundingClientRect().width;
+    if (x && x + wide > width) { [x, y] = [0, y + 18]; }
+    const [swatch, text] = [key.querySelector("rect"), styled(key, svg("text", { x: 30, y: 10 }, [key.textContent.trim()]))];
+    text.setAttribute("fill", getComputedStyle(key).color);
+    const made = svg("g", { transform: "translate(" + x + " " + y + ")" }, [styled(swatch, swatch.cloneNode()), text]);
+    x += wide + 14;
+    return made;
+  });
+  return { drawn, high: drawn.length ? y + 18 - top : 0 };
 }
 
 /* The drawing as the only thing on one page of its own size: the browser's print embeds the fonts.
    The ground is paper, whatever the scheme; the browser offers the document's title as file name. */
 function printAlone(root, name) {
-  const { width, height } = root.viewBox.baseVal;
   const page = document.documentElement;
   const titled = document.title;
   page.classList.add("paper");
-  const sheet = el("div", { id: "figure-alone" }, [drawingAlone(root)]);
+  const drawing = drawingAlone(root);
   page.classList.remove("paper");
-  sheet.append(el("style", {}, ["@page { size: " + width + "px " + height + "px; margin: 0; }"]));
+  const [width, height] = ["width", "height"].map((name) => drawing.getAttribute(name));
+  const sheet = el("div", { id: "figure-alone" }, [drawing, el("style", {}, ["@page { size: " + width + "px " + height + "px; margin: 0; }"])]);
   window.addEventListener("afterprint", () => { sheet.remove(); document.title = titled; }, { once: true });
   document.body.append(sheet);
   document.title = name;

@@ -103,10 +103,7 @@ function keeps(row, place, q) {
   const cells = row.cells.filter((_, k) => !place.of || String(k) === place.of);
   if (place.kind === "failed") { return cells.some((/** @type {any} */ c) => c.status !== "ok" || c.valid === false); }
   if (place.kind) {
-    return cells.some((/** @type {any} */ c) => {
-      const of = c.errors && c.errors[place.kind];
-      return of && (cat === null || of.includes(cat));
-    });
+    return cells.some((/** @type {any} */ c) => ((c.errors || {})[place.kind] || []).some((id) => cat === null || id === cat));
   }
   return cat === null || row.categories.includes(cat);
 }

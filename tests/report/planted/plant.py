@@ -76,12 +76,12 @@ def listed(section: PageSection, cost: Cost) -> set[int]:
     found = set()
     for row in section.images:
         cells = [row.cells[int(asked["of"])]] if "of" in asked else row.cells
-        errors = {tuple(e) for cell in cells for e in getattr(cell, "errors", ())}
+        kinds = [getattr(cell, "errors", {}) for cell in cells]
         kind, category = asked.get("kind"), int(asked.get("cat", -1))
         if kind == "failed":
             shown = any(cell.status != "ok" or not getattr(cell, "valid", True) for cell in cells)
         elif kind:
-            shown = (kind, category) in errors
+            shown = any(category in errors.get(kind, ()) for errors in kinds)
         else:
             shown = category == -1 or category in row.categories
         found |= {row.id} if shown else set()
