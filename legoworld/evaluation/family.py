@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.cards import Card
-from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.checks import Check, find_input
 from legoworld.evaluation.metrics import MetricPart, metric_parts, metric_tables
 from legoworld.evaluation.run import Run
@@ -80,12 +79,8 @@ class EvaluationRequest:
 def make_configuration(
     request: EvaluationRequest, card: Card, kind: Callable[..., C], **own: Json
 ) -> C:
-    """What the numbers depend on besides the inputs. own: fields of the family's kind alone.
-
-    UsageError for a bootstrap that cannot be drawn.
-    """
+    """What the numbers depend on besides the inputs. own: fields of the family's kind alone."""
     draws, seed = request.draws, request.seed
-    check_draws(draws, seed)
     return kind(task=card.task, card_sha256=card.sha256, draws=draws, seed=seed, **own)
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from legoworld.cards import load_card
-from legoworld.evaluation.bootstrap import centred_interval, resample_counts
+from legoworld.evaluation.bootstrap import centred_interval, check_draws, resample_counts
 from legoworld.evaluation.checks import Check, find_closest, refuse_unseen
 from legoworld.evaluation.evidence import agreement, check_rows, spread_evenly
 from legoworld.evaluation.family import (
@@ -70,6 +70,7 @@ def evaluate_maps(family: MapFamily, request: EvaluationRequest) -> LabelMapSumm
     """
     run = request.run.absolute()
     card = load_card(run.task)
+    check_draws(request.draws, request.seed)
     configuration = make_configuration(request, card, ScoreConfiguration)
     items, truth = _items(family, run, request.truth.absolute())
     answers = [("answer", item.path) for item in items if item.path and item.path.is_file()]

@@ -9,6 +9,7 @@ from typing import Any, Final, cast
 
 from legoworld.cards import load_card
 from legoworld.errors import LegoWorldError
+from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.checks import Check, find_closest, refuse_unseen
 from legoworld.evaluation.evidence import agreement, check_rows, check_summary, spread_evenly
 from legoworld.evaluation.family import (
@@ -108,6 +109,7 @@ def evaluate_pixels(family: PixelFamily, request: EvaluationRequest) -> Any:
     configuration = make_configuration(
         request, card, family.records.configuration, card_version=card.version, **options
     )
+    check_draws(request.draws, request.seed)
     family.check(run, files, options)
     inputs = prepare_inputs(request, _inputs(run, truth / family.declaration, files), configuration)
     rows: list[PixelRow] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from legoworld.cards import load_card
+from legoworld.evaluation.bootstrap import check_draws
 from legoworld.evaluation.family import EvaluationRequest, make_configuration, prepare_inputs
 from legoworld.evaluation.reconstruction.case import CaseTask
 from legoworld.evaluation.reconstruction.case_tasks import scored_cases, seen_tasks
@@ -47,6 +48,7 @@ def evaluate_bench(request: EvaluationRequest) -> ReconstructionSummary:
     )
     draws, seed = request.draws, request.seed
     check_sampling(choices.sampling)
+    check_draws(draws, seed)
     dataset, run = read_dataset(request.truth.absolute()), bench_run(request.run.absolute())
     protocol = bench_protocol(load_card(run.run.task))
     second = second_card(dataset, protocol)

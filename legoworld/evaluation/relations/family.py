@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.cards import load_card
-from legoworld.evaluation.bootstrap import interval, resample_counts, weighted_sums
+from legoworld.evaluation.bootstrap import check_draws, interval, resample_counts, weighted_sums
 from legoworld.evaluation.checks import Check
 from legoworld.evaluation.evidence import agreement, check_summary
 from legoworld.evaluation.family import (
@@ -150,6 +150,7 @@ def _summary(
 def _evaluate(request: EvaluationRequest) -> RelationsSummary:
     run = request.run
     truth = read_truth(request.truth, run.task)
+    check_draws(request.draws, request.seed)
     configuration = make_configuration(request, load_card(run.task), ScoreConfiguration)
     files = [("run", run.folder / RUN), ("per_image", run.folder / ROWS), *truth.files]
     files += [
