@@ -75,7 +75,7 @@ def refuse_exposed(card: AgentCard, kept: Sequence[Path]) -> None:
             )
 
 
-def version_in_sandbox(card: AgentCard, held: Protections) -> str | None:
+def version_in_sandbox(card: AgentCard, protections: Protections) -> str | None:
     """Version that an agent prints in its sandbox; None if its card has no version command.
 
     AgentNotStartedError where it does not end well there.
@@ -86,7 +86,7 @@ def version_in_sandbox(card: AgentCard, held: Protections) -> str | None:
         return None
     with (
         scratch_folder("legoworld-agent-") as scratch,
-        Sandbox(scratch, _VERSION_LIMITS, held, owner=scratch) as sandbox,
+        Sandbox(scratch, _VERSION_LIMITS, protections, owner=scratch) as sandbox,
     ):
         sandbox.start([str(_absolute(program)), *command[1:]], exposed_paths(card))
         ending = sandbox.wait()

@@ -166,7 +166,7 @@ def _as_list(document: Json) -> Any:
 
 
 def with_our_categories(
-    found: ResultsFile,
+    results: ResultsFile,
     entries: Sequence[Entry],
     matcher: Matcher,
     numbering: Mapping[int, int] | None,
@@ -180,7 +180,7 @@ def with_our_categories(
     kept: list[Entry] = []
     by_id: Counter[int] = Counter()
     for entry in entries:
-        label = _label(entry, found.names, matcher)
+        label = _label(entry, results.names, matcher)
         if label is None:
             kept.append(_with_our_id(entry, by_id, numbering or {}))
             continue

@@ -89,7 +89,7 @@ def serve(time_limit_s: float, memory_bytes: int, out: Output, **given: Any) -> 
 @options.protections()
 @_MEMORY
 @options.quiet("Print no notices on standard error.")
-def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> int:
+def mcp(workspace: Path, protections: Protections, memory_bytes: int, out: Output) -> int:
     """Be an MCP server on standard input and output: mcp-for-blender over an endpoint of its own.
 
     For an agent's MCP configuration: the one command is all that it has to start. What `blender
@@ -112,7 +112,7 @@ def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> i
         port=0,
         workspace=workspace,
         inputs=(),
-        held=held,
+        protections=protections,
         limits=SandboxLimits(time_s=_DAY_S, memory_bytes=memory_bytes),
         call_time_s=CALL_TIME_S,
     )

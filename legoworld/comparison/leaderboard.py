@@ -164,13 +164,13 @@ def _maker(side: StoredEvaluation) -> tuple[str, str]:
     """Agent and model that the run's scenes name; several are all named."""
     provenances = [one.provenance for one in recorded_provenance(side)]
 
-    def said(field: str) -> str:
+    def provenance_value(field: str) -> str:
         values = {
             str(p[field]) for p in provenances if isinstance(p, dict) and p.get(field) is not None
         }
         return " + ".join(sorted(values)) or NOT_RECORDED
 
-    return said("agent"), said("model")
+    return provenance_value("agent"), provenance_value("model")
 
 
 def _row(

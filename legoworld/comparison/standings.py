@@ -178,15 +178,15 @@ def _on_frontier(costs: Sequence[Cost], values: F64) -> Iterable[Cost]:
 
 
 def _money(cost: Cost) -> tuple[str, str]:
-    def shown(usd: float | None, told: int, frontier: bool) -> str:
+    def format_cost(usd: float | None, told: int, frontier: bool) -> str:
         if usd is None:
             return "-"
         some = "" if told == cost.trials else f" {told}/{cost.trials}"
         return f"{usd:.4f}{' *' if frontier else some}"
 
     return (
-        shown(cost.usd, cost.told, cost.frontier),
-        shown(cost.standard_usd, cost.standard_told, cost.standard_frontier),
+        format_cost(cost.usd, cost.told, cost.frontier),
+        format_cost(cost.standard_usd, cost.standard_told, cost.standard_frontier),
     )
 
 

@@ -17,7 +17,7 @@ class Entities:
 
     def __init__(self, snapshot: Snapshot) -> None:
         self.snapshot = snapshot
-        self._known: dict[str, NDArray[np.bool_] | None] = {}
+        self._surfaces_by_name: dict[str, NDArray[np.bool_] | None] = {}
 
     def surfaces(self, name: str) -> NDArray[np.bool_] | None:
         """(S,) bool: the surfaces of an object or a collection; None for a name the scene lacks.
@@ -26,9 +26,9 @@ class Entities:
         collection: of all objects in it and below it. An object wins over a collection of the same
         name.
         """
-        if name not in self._known:
-            self._known[name] = self._surfaces(name)
-        return self._known[name]
+        if name not in self._surfaces_by_name:
+            self._surfaces_by_name[name] = self._surfaces(name)
+        return self._surfaces_by_name[name]
 
     def nearest(self, name: str) -> list[str]:
         """The names most like one that the scene does not have."""

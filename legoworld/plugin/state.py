@@ -25,20 +25,20 @@ NOTHING: Final = "0" * 64
 class LiveScene:
     """A copy of the live scene, read: what it shows and the state it was in.
 
-    shown: its snapshot, or the error that a readout of it ends with: no camera, no surface.
+    snapshot_or_error: the error is that of a readout: no camera, no surface.
     render: (h, w, 3) RGB of a small render, None where none was asked for.
     """
 
-    shown: Snapshot | LegoWorldError
+    snapshot_or_error: Snapshot | LegoWorldError
     state: SceneState
     render: NDArray[np.uint8] | None = None
 
     @property
     def snapshot(self) -> Snapshot:
         """The snapshot. Raises the readout's error of a scene that shows nothing."""
-        if isinstance(self.shown, LegoWorldError):
-            raise self.shown
-        return self.shown
+        if isinstance(self.snapshot_or_error, LegoWorldError):
+            raise self.snapshot_or_error
+        return self.snapshot_or_error
 
 
 def read_live(blend: Path, blender: BlenderProcess) -> LiveScene:
@@ -53,19 +53,19 @@ def read_live(blend: Path, blender: BlenderProcess) -> LiveScene:
         {"kind": "state", "blend": str(blend.resolve()), "output": str(output)}
     )
     states = to_record(tuple[EntityState, ...], answer["objects"])
-    shown: Snapshot | LegoWorldError
+    snapshot_or_error: Snapshot | LegoWorldError
     if answer["unseen"] is not None:
-        shown, content = from_reason(answer["unseen"]), NOTHING
+        snapshot_or_error, content = from_reason(answer["unseen"]), NOTHING
     else:
-        shown, content = load(output, passing=True)
+        snapshot_or_error, content = load(output, passing=True)
     return LiveScene(
-        shown=shown,
-        state=scene_state(shown, content, states, answer["camera"], answer["hashes"]),
+        snapshot_or_error=snapshot_or_error,
+        state=scene_state(snapshot_or_error, content, states, answer["camera"], answer["hashes"]),
     )
 
 
 def scene_state(
-    shown: Snapshot | LegoWorldError,
+    snapshot_or_error: Snapshot | LegoWorldError,
     content_sha256: str,
     states: tuple[EntityState, ...],
     camera: str | None,
@@ -74,7 +74,9 @@ def scene_state(
     """A state with the placements of a snapshot, signed."""
     import msgspec
 
-    placed = {} if isinstance(shown, LegoWorldError) else placement_sha256(shown)
+    placed = (
+        {} if isinstance(snapshot_or_error, LegoWorldError) else placement_sha256(snapshot_or_error)
+    )
     unsigned = SceneState(
         objects=tuple(
             msgspec.structs.replace(o, placement_sha256=placed.get((o.name, o.library)))

@@ -61,7 +61,7 @@ def photo_alone(document: PageDocument, name: str) -> PageDocument:
             renders=keep_places(scenes.renders, used["render"]),
             glbs=keep_places(scenes.glbs, glbs),
         ),
-        alone=True,
+        single_photo=True,
     )
 
 

@@ -91,7 +91,7 @@ def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]
 
 def hash_artefacts(scene: SceneFolder) -> dict[str, FileHash | None]:
     """The content of a scene's artefacts. Raises as `hash_files` does."""
-    return {n: _file_hash(scene.path, scene.spelled(n)) for n in sorted(scene.artefacts())}
+    return {n: _file_hash(scene.path, scene.name_on_disk(n)) for n in sorted(scene.artefacts())}
 
 
 def _file_hash(folder: Path, name: str) -> FileHash | None:

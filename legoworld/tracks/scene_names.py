@@ -35,7 +35,7 @@ def strangers(
     for name in absent:
         for key in _keys(name):
             by_key.setdefault(key, []).append(name)
-    return [Stranger(folder=name, meant=_meant(name, by_key, absent)) for name in left]
+    return [Stranger(folder=name, meant=_nearest_scene(name, by_key, absent)) for name in left]
 
 
 def lower_top(strangers: Sequence[Stranger]) -> str | None:
@@ -48,7 +48,9 @@ def lower_top(strangers: Sequence[Stranger]) -> str | None:
     return tops.pop() if len(tops) == 1 else None
 
 
-def _meant(folder: str, by_key: Mapping[str, list[str]], absent: Sequence[str]) -> str | None:
+def _nearest_scene(
+    folder: str, by_key: Mapping[str, list[str]], absent: Sequence[str]
+) -> str | None:
     for key in _keys(folder):
         names = set(by_key.get(key, ()))
         if len(names) == 1:

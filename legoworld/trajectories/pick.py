@@ -102,7 +102,7 @@ class PickPlan:
     by: By
     evidence: Path | None
     limits: SandboxLimits
-    held: Protections
+    protections: Protections
     notice: Callable[[str], None]
 
 
@@ -256,7 +256,7 @@ def _export(
             made,
             workspace=workspace,
             limits=plan.limits,
-            held=plan.held,
+            protections=plan.protections,
             blender=blender,
         )
     except (BlenderEndedError, SceneInvalidError) as error:

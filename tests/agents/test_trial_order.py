@@ -138,11 +138,15 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
     assert here.read_begun() == BEGUN
     ((settings,),) = made.said("session")
     assert (settings.workspace, settings.record) == (here.workspace, here.scene_folder / TRIAL)
-    assert (settings.limits, settings.held, settings.lease) == (made.plan.limits, "blender's", 9)
+    assert (settings.limits, settings.protections, settings.lease) == (
+        made.plan.limits,
+        "blender's",
+        9,
+    )
     assert made.said("steps") == [[made.plan, IMAGE, here.workspace, 0]]
     ((order, stop),) = made.said("agent")
     assert stop is made.stop
-    assert (order.card, order.model, order.held) == (made.plan.card, "m", "agent's")
+    assert (order.card, order.model, order.protections) == (made.plan.card, "m", "agent's")
     assert (order.port, order.plugin_port, order.steps) == (4321, None, None)
     assert (order.limits.time_s, order.limits.memory_bytes) == (100.0, 5)
     assert (order.continues, order.unfinished) == (False, here)
@@ -163,7 +167,7 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
     assert (ended.code, ended.over, ended.last_output) == (3, "disk", "a" * 4095 + "z")
     assert 0 <= ended.seconds < 60
     assert here.read_ended() == ended
-    assert (outcome.finalised, outcome.continued) == ("finalised", 0)
+    assert (outcome.finalisation, outcome.continued) == ("finalised", 0)
     assert outcome.trajectory == [("transcript", [1, 2])]
     assert 0 <= outcome.seconds < 60
 

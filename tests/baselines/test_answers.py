@@ -72,7 +72,7 @@ def request_of(tmp_path_factory: pytest.TempPathFactory):
             image_ids=(),
             load_time_limit_s=None,
             time_limit_s=None,
-            confined=confine_baseline(card, "weights.bin", "limits", offline=True),
+            confinement=confine_baseline(card, "weights.bin", "limits", offline=True),
         )
 
     return made

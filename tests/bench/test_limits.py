@@ -348,7 +348,7 @@ def test_a_batch_as_long_as_the_queue_is_taken(count, raised, tmp_path):
         taken.append((json.loads(order.line), place.places))
         raise http_app.ClientDisconnect
 
-    made._scored = scored  # type: ignore[method-assign]
+    made._score_order = scored  # type: ignore[method-assign]
     body = json.dumps({"query": ["a"] * count, "labels": [1] * count}).encode()
     with pytest.raises(raised):
         asyncio.run(made._rewards(request({}, {"type": "http.request", "body": body})))

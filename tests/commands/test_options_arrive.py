@@ -73,11 +73,11 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
       "root": Path(), "render": False, "second_card": False}),
     ("trajectory score . --truth . -o out --sandbox limits --workers 3",
      "legoworld.trajectories.api.score_trajectories",
-     {"1.limits.time_s": 600.0, "1.limits.memory_bytes": 8 << 30, "1.held.bubblewrap": None,
+     {"1.limits.time_s": 600.0, "1.limits.memory_bytes": 8 << 30, "1.protections.bubblewrap": None,
       "1.workers": 3}),
     ("trajectory pick . --by last -o out --sandbox limits", "legoworld.trajectories.api.pick",
      {"2.by": "last", "2.limits.time_s": 600.0, "2.limits.memory_bytes": 8 << 30,
-      "2.held.bubblewrap": None}),
+      "2.protections.bubblewrap": None}),
     (f"readout . --task coco --track {TRACK} -o out --source glb --workers 3 --engine ray "
      "--cache c --require-frozen --limit 4 --image-id 5 --image-id 6 --shard 2/3 "
      "--images-per-file 7 --max-side 64 --no-render --render-noise --overwrite --fail-fast "

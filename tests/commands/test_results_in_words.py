@@ -25,7 +25,7 @@ from legoworld.commands import (
 )
 from legoworld.commands.output import Output
 from legoworld.errors import LegoWorldError
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.records.agents import TrialRow, Usage
 from legoworld.records.report_page import Advice
 from legoworld.records.run_file import RunCoverage, RunSummary, ValidityCounts
@@ -255,7 +255,7 @@ def test_what_was_exported_in_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     failed: dict[str, LegoWorldError] = {}
-    made = Written(images=2, annotations=1, losses=("its tilt",), failed=failed)
+    made = ExportResult(images=2, annotations=1, losses=("its tilt",), failed=failed)
     monkeypatch.setattr("legoworld.api.exporting.export", lambda *_, **__: made)
     output = tmp_path / "o.json"
     assert cli.run(["export", str(tmp_path), "-o", str(output)]) == 0

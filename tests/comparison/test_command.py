@@ -148,7 +148,7 @@ def test_the_terminal_has_100_columns_and_every_number(which, pair, depth_pair, 
         assert first.split()[:2] == row[1].split()
         assert first.split()[2:] == [str(value) for value in values]
         below = text[text.index(first) + len(first) :]
-        assert all(value.spread in below.split("\n")[1] for value in values)
+        assert all(value.interval_text in below.split("\n")[1] for value in values)
 
 
 def test_the_json_form_is_the_file(pair, tmp_path, capsys):

@@ -92,7 +92,7 @@ def served(
             workspace=folder / "workspace",
             record=folder / "record",
             limits=limits,
-            held=protections(confinement, network=network),
+            protections=protections(confinement, network=network),
             call_time_s=call_time_s,
             blend=blend,
         )

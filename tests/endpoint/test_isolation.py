@@ -57,7 +57,7 @@ def test_there_is_a_network_only_where_it_is_given(bubblewrap, tmp_path, network
         code = f"import socket; print(socket.create_connection(('127.0.0.1', {port}), 3).fileno())"
         with served(tmp_path, network=network) as endpoint:
             status = endpoint.client().ask("execute_code", code=code)["status"]
-            held = endpoint.session._trial.held
+            held = endpoint.session._trial.protections
     assert status == ("success" if network else "error")
     assert ("network" in held.holds) is not network
 

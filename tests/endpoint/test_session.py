@@ -338,7 +338,7 @@ def exporting(tmp_path, monkeypatch):
 def export(tmp_path, **how):
     return export_submission(
         tmp_path / "stored.blend", tmp_path / "made", workspace=tmp_path / "workspace",
-        limits=LIMITS, held=HELD, blender="it", **how,
+        limits=LIMITS, protections=HELD, blender="it", **how,
     )  # fmt: skip
 
 
@@ -409,7 +409,7 @@ def test_the_last_save_that_opens_is_the_submission_else_the_open_scene(tmp_path
     monkeypatch.setattr(finalisation, "export_submission", export)
 
     def finalised():
-        return finalise(record, "made", workspace="w", limits="l", held="h", blender=1)
+        return finalise(record, "made", workspace="w", limits="l", protections="h", blender=1)
 
     found = finalised()
     assert (found.source, found.checkpoint, found.sha256) == ("saved", 7, "f")
@@ -451,7 +451,7 @@ def test_a_blender_that_was_killed_opens_the_same_scene_once_more(
         return [blend.stem]
 
     monkeypatch.setattr(finalisation, "export_submission", export)
-    found = finalise(record, "made", workspace="w", limits="l", held="h", blender=1)
+    found = finalise(record, "made", workspace="w", limits="l", protections="h", blender=1)
     assert (found.warnings, len(found.refused)) == ((opened,), kills - 1)
     (tmp_path / "workspace").mkdir()
     left = [BlenderEndedError("SIGKILL", killed=True)] * kills

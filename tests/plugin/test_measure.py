@@ -12,7 +12,7 @@ from plugin.live_room import moved
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure import measure, surface_pixels, surface_view
-from legoworld.plugin.small_render import rec709_luma, spread
+from legoworld.plugin.small_render import rec709_luma, upscale_nearest
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import decode, readable
 from legoworld.records.plugin_evidence import CameraEvidence, EvidenceFile, PhotoEvidence, Region
@@ -273,7 +273,10 @@ def test_colour_is_the_difference_of_two_means(live, evidence):
     region = evidence.mask(evidence.region("Table"))
     photo = np.random.default_rng(3).integers(0, 256, (*region.shape, 3), np.uint8)
     seen = dataclasses.replace(evidence, photo=photo)
-    means = [rgb2lab(pixels).mean(axis=0) for pixels in (spread(render, SIZE)[mask], photo[region])]
+    means = [
+        rgb2lab(pixels).mean(axis=0)
+        for pixels in (upscale_nearest(render, SIZE)[mask], photo[region])
+    ]
     requirement = kinds.Colour(entity="Cup", region="Table")
     result = one(scene, requirement, seen)
     assert result.measurement == pytest.approx(deltaE_cie76(*means), rel=1e-3)

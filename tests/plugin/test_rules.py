@@ -643,9 +643,11 @@ def test_near_is_light_and_nothing_is_black():
 def test_a_move_on_the_ground_is_at_most_five_times_as_long(in_plane_m, found):
     viewed: Any = None
     jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    move = corrections.Viewed._on_ground(viewed, jacobian, np.array([3.0, 4.0]), in_plane_m)
+    move = corrections.ViewedEntity._on_ground(viewed, jacobian, np.array([3.0, 4.0]), in_plane_m)
     assert move == found
-    assert corrections.Viewed._on_ground(viewed, jacobian * 0, np.zeros(2), in_plane_m) is None
+    assert (
+        corrections.ViewedEntity._on_ground(viewed, jacobian * 0, np.zeros(2), in_plane_m) is None
+    )
 
 
 @pytest.mark.parametrize(

@@ -362,9 +362,9 @@ def test_a_small_render_is_of_the_photo_s_shape_and_its_light_is_rec_709(
 
 def test_a_small_picture_is_spread_by_its_nearest_pixels():
     small = np.arange(6.0).reshape(2, 3)
-    assert (small_render.spread(small, (6, 4)) == small.repeat(2, 0).repeat(2, 1)).all()
-    assert (small_render.spread(small, (4, 3))[0] == [0, 0, 1, 2]).all()
-    assert (small_render.spread(small, (4, 3))[:, 0] == [0, 0, 3]).all()
+    assert (small_render.upscale_nearest(small, (6, 4)) == small.repeat(2, 0).repeat(2, 1)).all()
+    assert (small_render.upscale_nearest(small, (4, 3))[0] == [0, 0, 1, 2]).all()
+    assert (small_render.upscale_nearest(small, (4, 3))[:, 0] == [0, 0, 3]).all()
 
 
 @pytest.mark.parametrize(

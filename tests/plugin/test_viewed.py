@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scene.by_hand import CAMERA, RENDER
 
-from legoworld.plugin.corrections import Viewed
+from legoworld.plugin.corrections import ViewedEntity
 from legoworld.plugin.residuals import Shape
 from legoworld.visibility.camera import projection
 
@@ -20,7 +20,7 @@ POSE = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
 EYE = np.array([1.0, -2.0, 3.0])
 
 
-def viewed(kind: str, own=(0.3, -0.4, 4.0), axes=POSE) -> Viewed:
+def viewed(kind: str, own=(0.3, -0.4, 4.0), axes=POSE) -> ViewedEntity:
     """An entity at `own`: right, down and forward of the camera, metres."""
     axes = axes * np.sign(np.linalg.det(axes))
     pose = tuple(map(tuple, np.column_stack([axes, EYE / UNIT_M]).tolist()))
@@ -28,10 +28,10 @@ def viewed(kind: str, own=(0.3, -0.4, 4.0), axes=POSE) -> Viewed:
     render = replace(RENDER, unit_scale=UNIT_M, pixel_aspect_x=2.0)
     snapshot = SimpleNamespace(camera=camera, render=render)
     middle = EYE + axes @ np.asarray(own)
-    return Viewed(snapshot=snapshot, size_wh=SIZE, depth_m=own[2], middle_m=middle)
+    return ViewedEntity(snapshot=snapshot, size_wh=SIZE, depth_m=own[2], middle_m=middle)
 
 
-def pixel(one: Viewed, world_m) -> np.ndarray:
+def pixel(one: ViewedEntity, world_m) -> np.ndarray:
     shot = one.snapshot
     camera = projection(shot.camera, shot.render, SIZE)
     x, y, z = one._axes().T @ (np.asarray(world_m) - EYE) / UNIT_M

@@ -66,7 +66,7 @@ def seen(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
     grouping = Grouping(
         instances=instances,
         surface_instance=np.arange(n, dtype=np.int32),
-        nested={},
+        enclosing_instance={},
         outside_vocabulary={},
         unseen_owners=(),
         warnings=(),

@@ -21,10 +21,10 @@ def test_a_square_that_faces_the_camera():
     seen, planes, number = planes_of(quads(("Poster", SQUARE, at(0, 0, 0))))
     (plane,) = planes
     assert (plane.object, plane.tilt_deg) == ("Poster", 0.0)
-    assert plane.share == (seen.shown == 0).sum() / seen.shown.size
+    assert plane.share == (seen.surface_index == 0).sum() / seen.surface_index.size
     assert number.dtype == np.int16
-    assert number.shape == seen.shown.shape
-    assert np.array_equal(number, np.where(seen.shown == 0, 0, -1))
+    assert number.shape == seen.surface_index.shape
+    assert np.array_equal(number, np.where(seen.surface_index == 0, 0, -1))
 
 
 @pytest.mark.parametrize(("degrees", "limit", "found"), [(9, 10, 1), (11, 10, 0), (11, 11, 1)])
@@ -53,11 +53,11 @@ def test_the_largest_comes_first_and_equal_ones_in_the_scene_s_order():
         ("Right", SQUARE, at(2, 0, 0)),
     )
     seen, planes, number = planes_of(scene, max_tilt_deg=30)
-    areas = [int((seen.shown == i).sum()) for i in range(3)]
+    areas = [int((seen.surface_index == i).sum()) for i in range(3)]
     expected = sorted(range(3), key=lambda i: (-areas[i], i))
     assert [p.object for p in planes] == [("Small", "Left", "Right")[i] for i in expected]
     for place, surface in enumerate(expected):
-        assert np.array_equal(number == place, seen.shown == surface)
+        assert np.array_equal(number == place, seen.surface_index == surface)
 
 
 def test_one_below_the_share_is_left_out():

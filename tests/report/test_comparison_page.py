@@ -99,6 +99,6 @@ def test_a_deviation_stands_where_no_interval_does(comparison: Path) -> None:
         row = replace(pair.rows[0], scene=cell, baseline=replace(cell, constant=0.25))
         shown = comparison_tables(replace(document, pairs=(replace(pair, rows=(row,)),)))
         scene, baseline = shown[0].tables[0].rows[0][4:]
-        assert (str(scene), scene.spread) == ("0.5000", spread)
+        assert (str(scene), scene.interval_text) == ("0.5000", spread)
         assert scene.below == "2 images, 1 at once, 4 objects"
         assert baseline.below == "2 images, 1 at once, 4 objects; a constant: 0.2500"

@@ -358,12 +358,12 @@ def test_who_leads(s: Any, several: bool, said: str) -> None:
 
 
 def test_a_mean_of_runs_has_its_interval_and_its_deviation_below() -> None:
-    alone = reconstruction_tables._repeated(repeated(0.5))
+    alone = reconstruction_tables._mean_of_runs(repeated(0.5))
     assert (alone.value, alone.sd, alone.digits, alone.ends, alone.below) == (
         0.5, 0.01, 3, None, "",
     )  # fmt: skip
-    both = reconstruction_tables._repeated(repeated(0.5, (0.25, 0.75)))
-    assert (both.ends, both.digits, both.below) == ((0.25, 0.75), 3, alone.spread)
+    both = reconstruction_tables._mean_of_runs(repeated(0.5, (0.25, 0.75)))
+    assert (both.ends, both.digits, both.below) == ((0.25, 0.75), 3, alone.interval_text)
 
 
 @pytest.mark.parametrize("failed", [False, True])
@@ -378,6 +378,6 @@ def test_label_maps_without_any_segment_have_no_number(page: str, failed: bool) 
         rows=rows, summary=SimpleNamespace(categories=()), name="x", is_scene=True
     )
     findings = label_maps_page._findings(family, mends, side, Counter())
-    assert (findings.value, findings.answered, findings.found) == (None, None, {})
+    assert (findings.value, findings.value_answered, findings.by_error) == (None, None, {})
     (shown,) = costs.side_costs([findings])
     assert shown.most == ()

@@ -47,7 +47,7 @@ from legoworld.report.mended_ap import MendedAp, prediction_errors
 from legoworld.report.notebook import instances_text, statuses_html
 from legoworld.report.parts import lone_part, shared_truth_parts
 from legoworld.report.reconstruction_pictures import OUTCOMES
-from legoworld.report.tried import Tried, _fitted_iou, try_steps
+from legoworld.report.tried import OverlapGains, _fitted_iou, try_steps
 
 
 def truth(*box: float, category: int = 1) -> TrueAnnotation:
@@ -122,7 +122,7 @@ def test_a_lone_part_lies_in_the_truth_that_holds_most_of_it():
      (0.6, 0.61, False, True), (0.5, 0.55, False, True)],
 )  # fmt: skip
 def test_a_step_helps_from_a_gain_of_a_twentieth(together, fitted, parts, fit):
-    tried = Tried(iou=0.5, given_back=(), together_iou=together, fitted_iou=fitted)
+    tried = OverlapGains(iou=0.5, given_back=(), together_iou=together, fitted_iou=fitted)
     assert (tried.parts_help, tried.fit_helps) == (parts, fit)
 
 
@@ -341,8 +341,8 @@ def mended(name: str, gain: dict[Any, float], *, failed: int = 0, scene: bool = 
     }
     return costs.Findings(
         side=SimpleNamespace(name=name, is_scene=scene),  # type: ignore[arg-type]
-        metric="AP", over="all 4 images", found=found, attempted=4, failed=failed, value=0.25,
-        answered=0.5, errors=", of 12 errors",
+        metric="AP", over="all 4 images", by_error=found, n_attempted=4, n_failed=failed,
+        value=0.25, value_answered=0.5, errors=", of 12 errors",
     )  # fmt: skip
 
 
@@ -403,12 +403,12 @@ def test_a_picture_is_at_most_800_pixels_long(size_wh, shown_wh, tmp_path):
     picture[:, :, 2] = 255  # red, as OpenCV orders
     cv2.imwrite(str(path), picture)
     found = photos.page_picture(path, "it", size_wh)
-    assert (found.said, found.webp is None) == ("", False)
+    assert (found.note, found.webp is None) == ("", False)
     seen = cv2.imdecode(np.frombuffer(found.webp or b"", np.uint8), cv2.IMREAD_COLOR)
     assert seen.shape[:2] == shown_wh[::-1]
     assert seen[0, 0, 2] > 200 > 60 > seen[0, 0, 0]
     other = photos.page_picture(path, "it", (size_wh[0], size_wh[1] + 1))
-    assert (other.webp, other.said.endswith(": not shown")) == (None, True)
+    assert (other.webp, other.note.endswith(": not shown")) == (None, True)
 
 
 def test_the_scene_of_a_submission_is_shown_where_folders_are_named(tmp_path, monkeypatch):

@@ -70,7 +70,7 @@ def tried(r: float | None, posed: float | None, rigid: float | None, scaled: flo
     row: Any = SimpleNamespace(
         R=r, camera=camera, diagnostics=SimpleNamespace(R_rigid=rigid, R_median_scale=scaled)
     )
-    return reconstruction_advice._tried(row, posed)
+    return reconstruction_advice._alignment_advice(row, posed)
 
 
 @pytest.mark.parametrize(

@@ -199,21 +199,23 @@ def test_what_a_render_meets_is_asked_for_once_and_kept(scene, tmp_path):
     names = (("Table", "//more.blend"), ("Table", ""), ("Chair", ""))
     cache = SnapshotCache(tmp_path / "cache")
     with stand_in(names=names) as blender:
-        met = opened(scene, blender, cache).met(CARD, snapshot)
+        met = opened(scene, blender, cache).first_hits(CARD, snapshot)
         assert met.depth_z_m.tolist() == [[0.5, 0.5, 0.5]]
         assert met.object.tolist() == [[0, 1, 2]]
         assert met.place.tolist() == [2, 0, -1]
-        again = opened(scene, blender, cache).met(replace(CARD, threads=3), snapshot)
+        again = opened(scene, blender, cache).first_hits(replace(CARD, threads=3), snapshot)
         assert (again.depth_z_m == met.depth_z_m).all()
         assert (again.place == met.place).all()
         assert [m["kind"] for m in blender.asked] == ["card_depth"]
         opened(scene, blender, cache).render(CARD)
         assert (
-            opened(scene, blender, cache).met(replace(CARD, seed=3), snapshot).depth_z_m.max()
+            opened(scene, blender, cache)
+            .first_hits(replace(CARD, seed=3), snapshot)
+            .depth_z_m.max()
             == 1.5
         )
-        assert opened(scene, blender).met(CARD, snapshot).depth_z_m.max() == 2.0
-        assert opened(scene, blender).met(CARD, snapshot).depth_z_m.max() == 2.5
+        assert opened(scene, blender).first_hits(CARD, snapshot).depth_z_m.max() == 2.0
+        assert opened(scene, blender).first_hits(CARD, snapshot).depth_z_m.max() == 2.5
     entries = [p for p in cache.folder.rglob("*.npz") if p.is_file()]
     assert len(entries) == 2
 
@@ -224,7 +226,7 @@ def test_an_object_s_number_in_a_render_begins_again_after_the_most(scene):
     hand.occurs("Last")
     names = (*((f"{n}", "") for n in range(MOST_OBJECTS + 1)), ("Last", ""))
     with stand_in(names=names) as blender:
-        assert opened(scene, blender).met(CARD, hand.snapshot()).place.tolist() == [1]
+        assert opened(scene, blender).first_hits(CARD, hand.snapshot()).place.tolist() == [1]
 
 
 def test_facts_are_asked_for_once_and_kept(scene, tmp_path):

@@ -72,7 +72,7 @@ def blenders(monkeypatch):
 
 def plan(by="last", evidence=None):
     said = []
-    made = PickPlan(by=by, evidence=evidence, limits=LIMITS, held=HELD, notice=said.append)
+    made = PickPlan(by=by, evidence=evidence, limits=LIMITS, protections=HELD, notice=said.append)
     return made, said
 
 
@@ -231,7 +231,7 @@ def test_the_page_has_a_table_of_all_images_and_one_of_the_common(tmp_path):
 def scoring_plan(tmp_path):
     said = []
     return ScoringPlan(
-        private=tmp_path / "private", output=tmp_path / "scores", limits=LIMITS, held=HELD,
+        private=tmp_path / "private", output=tmp_path / "scores", limits=LIMITS, protections=HELD,
         workers=2, draws=10, seed=3, notice=said.append,
     )  # fmt: skip
 
@@ -376,7 +376,9 @@ def three_runs(tmp_path, monkeypatch, blenders):
 
 
 def plan_by_regions(said, evidence=None):
-    return PickPlan(by="regions", evidence=evidence, limits=LIMITS, held=HELD, notice=said.append)
+    return PickPlan(
+        by="regions", evidence=evidence, limits=LIMITS, protections=HELD, notice=said.append
+    )
 
 
 def test_of_several_runs_the_one_that_fits_its_regions_is_copied(three_runs, tmp_path):

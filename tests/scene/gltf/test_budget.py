@@ -162,7 +162,7 @@ def test_a_budget_is_a_floor_and_a_growth_and_what_is_left_of_them(monkeypatch):
     budget = Budget(200)
     budget.take(900, "a")
     budget.take(700, "b")  # the very last byte
-    assert (budget.limit, budget.left) == (1600, 0)
+    assert (budget.limit, budget.bytes_left) == (1600, 0)
     budget.take(0, "c")
     with pytest.raises(UnreadableGltfError, match="d: 1 bytes when decoded; expected: at most 1,6"):
         budget.take(1, "d")
