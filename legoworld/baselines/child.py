@@ -60,7 +60,7 @@ class TooSlowError(Exception):
 class BaselineProcess:
     """One process of a baseline, in the sandbox of scene programs.
 
-    declared: names of the caller's variables that it gets besides those every model gets. output:
+    variables: names of the caller's variables that it gets besides those every model gets. output:
     the folder that `take` brings its files to; what it writes itself lies in a folder of its own
     in there. Lines on its standard output that are no messages, and its standard error, are its
     log and go to `log`; the last lines of standard error are kept for `last_words`.
@@ -244,7 +244,7 @@ def _environment(
 ) -> dict[str, str]:
     """The process's environment: the shared package alone on its path, no files left behind.
 
-    declared: the caller's variables it may see besides those every model may.
+    variables: the caller's variables it may see besides those every model may.
     """
     home = sandbox.path_inside("home")
     environment = child_environment(

@@ -42,10 +42,10 @@ from legoworld.records.comparison import Better, Level
 
 
 def restrict_table(table: MatchTable, is_paired: NDArray[np.bool_]) -> MatchTable:
-    """The match table of the kept images.
+    """The match table of the paired images.
 
-    kept: (images,). Ranks, caps and LVIS's verified categories are per image, so nothing is matched
-    again: the official evaluator gives the same on these images (checked by a test).
+    is_paired: (images,). Ranks, caps and LVIS's verified categories are per image, so nothing is
+    matched again: the official evaluator gives the same on these images (checked by a test).
     """
     position = np.cumsum(is_paired) - 1
     rows, cells = is_paired[table.image], is_paired[table.truth_image]

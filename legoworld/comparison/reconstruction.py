@@ -34,9 +34,9 @@ def bench_metrics(task: str) -> list[Metric]:
 def measure_bench(
     side: StoredEvaluation, images: Images, is_paired: NDArray[np.bool_], shared: GroupDraws
 ) -> Measures:
-    """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out.
+    """A side's means over the paired cases. images "paired": V is 1 of all of them, so left out.
 
-    kept: (cases,) bool.
+    is_paired: (cases,) bool.
     """
     rows: list[ReconstructionRow] = side.kept_rows(is_paired)
     return {

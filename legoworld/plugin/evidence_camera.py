@@ -31,8 +31,7 @@ def camera_evidence(
 ) -> CameraEvidence:
     """The camera of a photo, (H, W, 3), as far as it is known; what is not known says why.
 
-    provided: a provider's, which `camera_problem` has nothing against. A rotation that it lacks is
-    estimated.
+    provider_camera: without a `camera_problem`. A rotation that it lacks is estimated.
     """
     if provider_camera is None:
         return _estimate_camera(photo, hfov_deg, None if hfov_deg is None else "given")

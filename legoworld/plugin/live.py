@@ -111,7 +111,7 @@ class LiveBlender:
         with self.save_copy() as copy:
             before = copy.sha256()
             scene = read_live(copy.path, self.reader)
-            if render_wh is not None and not isinstance(scene.snapshot_or_error, LegoWorldError):
+            if render_wh is not None and not isinstance(scene.reading, LegoWorldError):
                 render = render_small(copy.path, self.reader, render_wh)
                 scene = dataclasses.replace(scene, render=render)
             kept = copy.keep(self._store).stem if keep else None

@@ -51,12 +51,10 @@ def measure(
 
     size_wh: of the view; the photo's size with evidence, else the scene's own when None.
     """
-    if isinstance(scene.snapshot_or_error, LegoWorldError):
+    if isinstance(scene.reading, LegoWorldError):
         size = evidence.size_wh if evidence else size_wh or (0, 0)
         results = tuple(
-            _unmeasured_result(
-                r, scene.snapshot_or_error.what, fails=isinstance(r, kinds.Existence)
-            )
+            _unmeasured_result(r, scene.reading.what, fails=isinstance(r, kinds.Existence))
             for r in requirements
         )
     else:
@@ -214,7 +212,7 @@ class _Measurement(WorldMeasurement):
 
     def hidden(self, requirement: kinds.Hidden) -> Measured:
         own = np.flatnonzero(self.surfaces(requirement.entity))
-        alone = replace(self.scene, snapshot_or_error=with_surfaces(self.scene.snapshot, own))
+        alone = replace(self.scene, reading=with_surfaces(self.scene.snapshot, own))
         whole = surface_view(alone, self.size_wh).instance >= 0
         if (area := int(np.count_nonzero(whole))) < residuals.SMALLEST_PX:
             raise UnknownError(f"it has {area} pixels in the picture, fewer than 16")

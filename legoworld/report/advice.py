@@ -61,7 +61,7 @@ def detection_advice(
 ) -> tuple[Advice, ...]:
     """Everything to say of one side's answer to a photo; what to do only where it is a scene.
 
-    shifted: its predictions with another camera, where that finds more.
+    shift: its predictions with another camera, where that finds more.
     """
     advice = failure_advice(side.run_row)
     if not advice:

@@ -94,7 +94,7 @@ class MendedAp:
     _n_truths: int = 0
 
     def add(self, image: DetectionImage, answer: SideImage, shift: Shift | None = None) -> None:
-        """Take an image's overlaps and its errors. shifted: its predictions with another camera."""
+        """Take an image's overlaps and its errors. shift: its predictions with another camera."""
         errors, first = answer.errors, self._n_truths
         at = np.full(len(image.truths), image.image.id, np.int64)
         categories = np.array([t.category_id for t in image.truths], np.int64)

@@ -60,7 +60,7 @@ class Track:
 def load_track(path: Path, name: str | None = None) -> Track:
     """Read a track file (COCO "image info" JSON). Raises CatalogError for an unusable file.
 
-    called: the name to use in messages instead of the file's own.
+    name: the name to use in messages instead of the file's own.
     """
     source = name or str(path)
     try:

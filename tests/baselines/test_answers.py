@@ -393,7 +393,7 @@ def test_a_baseline_without_a_network_is_told_so(bubblewrap, network, offline, m
     held = SimpleNamespace(bubblewrap=bubblewrap, network=network)
     card: Any = SimpleNamespace(shared_path="/shared")
     request: Any = SimpleNamespace(offline=offline)
-    found = child._environment(card, sandbox, SimpleNamespace(held=held), [], request)  # type: ignore[arg-type]
+    found = child._environment(card, sandbox, SimpleNamespace(protections=held), [], request)  # type: ignore[arg-type]
     without = offline or (bubblewrap is not None and not network)
     assert (found.get("HF_HUB_OFFLINE"), found.get("TRANSFORMERS_OFFLINE")) == (
         ("1", "1") if without else (None, None)
@@ -415,7 +415,7 @@ def test_a_baseline_draws_its_progress_on_a_terminal_alone(terminal, monkeypatch
     held = SimpleNamespace(bubblewrap=None, network=True)
     card: Any = SimpleNamespace(shared_path="/shared")
     request: Any = SimpleNamespace(offline=False)
-    found = child._environment(card, sandbox, SimpleNamespace(held=held), [], request)  # type: ignore[arg-type]
+    found = child._environment(card, sandbox, SimpleNamespace(protections=held), [], request)  # type: ignore[arg-type]
     progress = {} if terminal else {"HF_HUB_DISABLE_PROGRESS_BARS": "1"}
     assert found == {
         "PYTHONPATH": "/shared", "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1",

@@ -161,7 +161,7 @@ def test_what_was_answered_is_counted_for_prometheus():
 
 
 def app(tmp_path: Path, *, workers: int = 2, **options: Any) -> http_app.ScoreApp:
-    server: Any = SimpleNamespace(scratch=tmp_path, workers=workers, lost=4)
+    server: Any = SimpleNamespace(scratch=tmp_path, workers=workers, n_lost=4)
     http = HttpOptions(token="0123456789abcdef", **options)
     return http_app.ScoreApp(server, SimpleNamespace(), http, print)  # type: ignore[arg-type]
 

@@ -102,12 +102,12 @@ def test_the_kernel(monkeypatch):
     ("held", "found"),
     [
         ({"bubblewrap": "0.9"}, "bubblewrap 0.9; processes counted by looking 20 times a second"),
-        ({"counted": True, "why_not": "no bwrap"}, "no bwrap; processes counted by the kernel"),
+        ({"task_group": True, "why_not": "no bwrap"}, "no bwrap; processes counted by the kernel"),
     ],
 )
 def test_the_sandbox(held, found, monkeypatch):
     wanted = []
-    held = SimpleNamespace(**{"bubblewrap": None, "counted": False, "why_not": None} | held)
+    held = SimpleNamespace(**{"bubblewrap": None, "task_group": False, "why_not": None} | held)
     put(monkeypatch, workers__protections__protections=lambda how: wanted.append(how) or held,
         workers__bubblewrap__how_to_have=lambda why: f"mend {why!r}")  # fmt: skip
     assert doctor_command._sandbox() == Finding(

@@ -95,7 +95,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
     ("blender mcp --workspace w --memory-limit 3 --sandbox limits",
      "legoworld.agents.mcp_endpoint.serve_mcp",
      {"0.workspace": Path("w"), "0.port": 0, "0.scene": None, "0.limits.memory_bytes": 3 << 30,
-      "0.held.bubblewrap": None, "notice.__name__": "notice"}),
+      "0.protections.bubblewrap": None, "notice.__name__": "notice"}),
     ("freeze . --workers 3 --engine local --no-cache --time-limit 9 --memory-limit 2",
      "legoworld.api.scene_folders.freeze_scenes",
      {"0": Path(), "engine": "local", "workers": 3, "cache": None, "limits.time_s": 9.0,

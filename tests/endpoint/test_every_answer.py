@@ -251,7 +251,7 @@ def test_what_is_served_and_what_is_kept_from_it_is_said(tmp_path, monkeypatch):
     said: list[list[str]] = []
     for held_now in (held, replace(held, why_not=None)):
         said.append([])
-        with open_endpoint(replace(serving, held=held_now), notice=said[-1].append) as port:
+        with open_endpoint(replace(serving, protections=held_now), notice=said[-1].append) as port:
             client = Client(port)
             with closing(client.line):
                 client.run("1")

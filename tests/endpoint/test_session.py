@@ -46,8 +46,10 @@ class Blender:
         (self.files / "output").mkdir(parents=True)
         self.started, self.asked, self.closed = [], [], 0
 
-    def __call__(self, workspace, limits, held, **how):
-        self.started.append(SimpleNamespace(workspace=workspace, limits=limits, held=held, **how))
+    def __call__(self, workspace, limits, protections, **how):
+        self.started.append(
+            SimpleNamespace(workspace=workspace, limits=limits, protections=protections, **how)
+        )
         return self
 
     def __enter__(self):
@@ -91,7 +93,7 @@ def live(tmp_path, monkeypatch):
 
 def trial_in(folder, **how) -> Trial:
     known = {"workspace": folder / "workspace", "record": folder / "record", "limits": LIMITS}
-    return Trial(**{**known, "held": HELD, **how})
+    return Trial(**{**known, "protections": HELD, **how})
 
 
 def test_a_session_starts_blender_with_what_the_trial_says(tmp_path, live):
@@ -102,7 +104,7 @@ def test_a_session_starts_blender_with_what_the_trial_says(tmp_path, live):
         session.start()
         session.start()
         (begun,) = live.started
-        assert (begun.workspace, begun.held, begun.blend) == (trial.workspace, HELD, scene)
+        assert (begun.workspace, begun.protections, begun.blend) == (trial.workspace, HELD, scene)
         assert (begun.inputs, begun.lease) == (inputs, 5)
         assert 590 < begun.limits.time_s <= 600
         assert replace(begun.limits, time_s=600.0) == LIMITS
@@ -347,7 +349,7 @@ def test_a_scene_is_exported_from_the_workspace_with_room_for_it(tmp_path, expor
     exporting.replies = [said({"warnings": ["a\nb", 5]}), said({})]
     assert export(tmp_path) == ["a b", "5", "picture it"]
     (begun,) = exporting.started
-    assert (begun.workspace, begun.held) == (tmp_path / "workspace", HELD)
+    assert (begun.workspace, begun.protections) == (tmp_path / "workspace", HELD)
     assert begun.blend == tmp_path / "workspace" / ".finalised.blend"
     assert exporting.opened == [b"BLENDER stored"]
     assert (begun.limits.time_s, begun.limits.memory_bytes) == (300.0, LIMITS.memory_bytes)
@@ -401,7 +403,10 @@ def test_the_last_save_that_opens_is_the_submission_else_the_open_scene(tmp_path
 
     def export(blend, made, **how):
         tried.append(blend.stem)
-        assert (made, how) == ("made", {"workspace": "w", "limits": "l", "held": "h", "blender": 1})
+        assert (made, how) == (
+            "made",
+            {"workspace": "w", "limits": "l", "protections": 0, "blender": 1},
+        )
         if blend.stem in bad:
             raise bad[blend.stem]
         return ["warned"]
@@ -497,7 +502,7 @@ def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_pat
     assert (memory, closed, where) == (3 << 30, "closed", output)
     assert (kept.kind, kept.call, kept.at_s) == ("saved", 1, 45.0)
     assert how == {
-        "workspace": workspace, "held": HELD, "blender": "the blender",
+        "workspace": workspace, "protections": HELD, "blender": "the blender",
         "limits": SandboxLimits(time_s=600.0, memory_bytes=3 << 30),
     }  # fmt: skip
     blender_finalise(workspace, output)
@@ -508,7 +513,7 @@ def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_pat
 
 def serving(tmp_path, **how):
     known = {"scene": None, "port": 0, "workspace": tmp_path / "workspace", "inputs": (),
-             "held": HELD, "limits": LIMITS, "call_time_s": 30.0}  # fmt: skip
+             "protections": HELD, "limits": LIMITS, "call_time_s": 30.0}  # fmt: skip
     return EndpointOptions(**{**known, **how})
 
 

@@ -24,4 +24,4 @@ def moved(scene, name, by_m):
     shot = scene.snapshot
     placed = shot.world_from_mesh.copy()
     placed[Entities(shot).surfaces(name), :, 3] += by_m
-    return dataclasses.replace(scene, shown=dataclasses.replace(shot, world_from_mesh=placed))
+    return dataclasses.replace(scene, reading=dataclasses.replace(shot, world_from_mesh=placed))

@@ -42,7 +42,7 @@ def changed(scene: Any, name: str, move: Any = (0, 0, 0), scale: float = 1.0) ->
     some = Entities(shot).surfaces(name)
     placed[some] *= scale
     placed[some, :, 3] += middle * (1 - scale) + np.asarray(move)
-    return dataclasses.replace(scene, shown=dataclasses.replace(shot, world_from_mesh=placed))
+    return dataclasses.replace(scene, reading=dataclasses.replace(shot, world_from_mesh=placed))
 
 
 def measured(scene: Any, evidence: Any, requirement: Any) -> Any:

@@ -322,7 +322,7 @@ def test_what_costs_most_comes_first_and_of_two_sides_what_tells_them_apart(
             for key, one in gain.items()
         }
 
-    side: Any = SimpleNamespace(found=findings(GAIN), least=0.0005, sign=1)
+    side: Any = SimpleNamespace(by_error=findings(GAIN), least=0.0005, sign=1)
     made = costs._costs(side, None if other is None else findings(other), 0)
     assert [cost.kind for cost in made] == kinds
     for cost in made:

@@ -47,7 +47,7 @@ class Blenders:
     def export(self, blend, target, *, workspace, **how):
         assert workspace.is_dir()
         assert not list(workspace.iterdir())
-        assert how == {"limits": LIMITS, "held": HELD, "blender": "the blender"}
+        assert how == {"limits": LIMITS, "protections": HELD, "blender": "the blender"}
         if blend.stem in self.bad:
             raise self.bad[blend.stem]
         self.exported.append(blend)

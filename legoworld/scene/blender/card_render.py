@@ -57,7 +57,7 @@ _CYCLES: Final[dict[str, Any]] = {
 def render_by_card(blend: Path, output: Path, request: CardRequest) -> None:
     """Render a .blend's active camera to an 8-bit RGB PNG.
 
-    wanted: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture
+    request: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture
     is the scene's own: camera, geometry, materials, lights, world, bounces, exposure and view
     transform; the rest is the card's. With "stand" the camera is put elsewhere before. Raises what
     `open_blend` does, NoCameraError, and SceneInvalidError for a scene that Blender refuses to

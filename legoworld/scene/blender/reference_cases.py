@@ -41,8 +41,8 @@ def read_cases(blend: Path) -> dict[str, Any]:
 def write_case(blend: Path, output: Path, request: CaseRequest) -> None:
     """Save the scene of one case as scene.blend in `output`; with "glb" scene.glb beside it.
 
-    wanted: "tier", "view" (a camera's name), "size_wh" and "glb". Objects of later tiers are hidden
-    from rendering and not deleted: what refers to them stays as it is.
+    request: "tier", "view" (a camera's name), "size_wh" and "glb". Objects of later tiers are
+    hidden from rendering and not deleted: what refers to them stays as it is.
     """
     scene = open_blend(blend).scene
     if request["tier"] is not None:

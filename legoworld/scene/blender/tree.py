@@ -17,7 +17,7 @@ def scene_tree(
 ) -> tuple[tuple[SceneObject, ...], tuple[SceneCollection, ...], dict[Identity, int]]:
     """Objects and collections sorted by (name, library), and each object's index.
 
-    Objects are the scene's own, those in `met`, and all their parents.
+    Objects are the scene's own, those in `visited`, and all their parents.
     """
     blocks = {identity(o): o for o in bpy.data.objects}
     wanted = visited | {identity(o) for o in scene.objects}
