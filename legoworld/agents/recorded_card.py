@@ -21,7 +21,7 @@ def check_recordable(card: AgentCard) -> None:
         raise UsageError(
             f"the agent {card.name} cannot be recorded",
             found=f"no [record] in {card.path.name}",
-            expected="a card that says where its API is, and how its agent is sent elsewhere",
+            expected="a card with the API's address and the settings that redirect its agent",
             next_step="leave out --record, or add the table; docs/agents.md",
         )
     needed = ("httpx2", "starlette", "uvicorn")

@@ -47,7 +47,7 @@ def plugin_evidence(
     UsageError for two sources of the camera, and for a provider without weights.
     """
     if sum(one is not None for one in (hfov_deg, camera, provider)) > 1:
-        raise UsageError("--fov, --camera and --provider say the same: pass one of them")
+        raise UsageError("--fov, --camera and --provider exclude each other: pass one of them")
     vocabulary = None if task is None else load_protocol(task, None)
     with scratch_folder("legoworld-provider-") as scratch:
         provided = None

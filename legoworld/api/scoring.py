@@ -61,7 +61,7 @@ class Truth:
         return self.family.sizes_wh(self.held)
 
     def score(self, answers: LiveAnswers, image_ids: Collection[int] | None) -> Scores:
-        """The scores of answers, (H, W) or (H, W, 3) if arrays, to images, None for all."""
+        """Score answers; arrays are (H, W) or (H, W, 3). image_ids: None for all images."""
         return self.family.score(self.task, self.held, answers, image_ids)
 
 

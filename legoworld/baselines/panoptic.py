@@ -43,7 +43,7 @@ def _import(
         path = folder / (entry.file_name if entry else "")
         if entry is None or not names_a_file(path):
             found = f"no {folder.name}/{entry.file_name}" if entry else "no annotation"
-            raise ResultMissingError("there are no segments of the photo", found=found)
+            raise ResultMissingError("no segments for this photo", found=found)
         assert image.size_wh is not None
         check_listed(entry, {*known}, MapInvalidError)
         ids = read_ids(path, MapInvalidError)

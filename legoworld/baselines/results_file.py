@@ -52,7 +52,7 @@ class ResultsFile:
 
     @property
     def of_torchvision(self) -> bool:
-        """Whether it is torchvision's outputs: their labels are COCO's own ids."""
+        """True for torchvision outputs, whose labels are COCO's category ids."""
         return self.box_format is not None
 
 
@@ -93,7 +93,7 @@ def _with_whole_ids(entry: Entry, path: Path) -> Entry:
     for key, value in ids.items():
         if not value.is_integer() or abs(value) >= _EXACT:  # NaN and infinity are none either
             raise PredictionsInvalidError(
-                f"{path.name} has the {key} of a result that is no whole number",
+                f"{path.name} has a result whose {key} is not an integer",
                 found=f"{value!r}",
                 expected="an integer",
                 next_step="write the dataset's ids into the results",

@@ -128,7 +128,7 @@ class MadeFamily:
 
 
 class FamilyMaker:
-    """Makes family after family with one Blender process of its own."""
+    """Makes families one after another in its own Blender process."""
 
     def __init__(self, options: MakeOptions, limits: Limits) -> None:
         self._options = options

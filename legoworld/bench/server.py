@@ -52,7 +52,7 @@ class ScoreServer:
 
     @property
     def scratch(self) -> Path:
-        """The folder that goes with the server."""
+        """Temporary folder, deleted with the server."""
         return self._folder.path
 
     def __enter__(self) -> Self:

@@ -116,7 +116,7 @@ def _score_poses(
     from legoworld.evaluation.pose.score import score_poses
 
     if not isinstance(output, Path) or not isinstance(dataset, Path):
-        raise click.UsageError("poses have one truth, and an output folder on this machine")
+        raise click.UsageError("poses take one --truth and a local output folder")
     file = output / "poses.json"
     refuse_existing(file, overwrite=overwrite)
     scores = asdict(score_poses(dataset, results))

@@ -62,7 +62,7 @@ def case_scores(side: StoredEvaluation) -> dict[str, tuple[float | None, float |
 def leaderboard(
     sides: Sequence[StoredEvaluation], *, draws: int = 10_000, seed: int = 0
 ) -> Leaderboard:
-    """One row for each agent and model, over as many runs as there are evaluations of it."""
+    """One row for each agent and model, over all its evaluated runs."""
     by_maker: dict[tuple[str, str], list[StoredEvaluation]] = {}
     for side in sides:
         by_maker.setdefault(_maker(side), []).append(side)

@@ -37,10 +37,10 @@ STANDARD: Final = ModelPrice(
 
 
 def with_standings(board: Leaderboard, sides: Sequence[StoredEvaluation]) -> Leaderboard:
-    """The board with ranks, pairs, and costs where scenes tell them in their provenance.json.
+    """Add ranks, paired differences, and costs recorded in the scenes' provenance.json.
 
-    By S over all attempted, by R where a row has no S. Every draw takes the same families for all
-    systems and runs. Without an interval over a single family.
+    Ranks are by S over all attempted cases, or by R if a row has no S. Each draw takes the same
+    families for all systems and runs. A single family has no interval.
     """
     rendered = all(row.groups[0].metrics["S"].mean is not None for row in board.rows)
     metric: Literal["S", "R"] = "S" if rendered else "R"

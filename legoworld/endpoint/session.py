@@ -190,7 +190,7 @@ class Session:
             path = params.get("filepath")
             if not isinstance(path, str) or name_beneath(path, self._trial.workspace) is None:
                 raise NotShownError(
-                    "export_scene writes to the workspace alone",
+                    "export_scene writes only to the workspace",
                     found=str(path),
                     expected=f"a path below {self._trial.workspace.resolve()}",
                 )

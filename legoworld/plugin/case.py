@@ -33,7 +33,7 @@ STATES: Final = "states"
 class Case(OpenLedger):
     """The tools over one ledger. live: the scene; evidence: of the photo, None without any.
 
-    require_transaction: edits that were made without one are refused; otherwise they are named.
+    require_transaction: refuse edits made outside a transaction; otherwise report them.
     """
 
     def __init__(

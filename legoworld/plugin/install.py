@@ -255,8 +255,8 @@ def _settings_error(path: str, found: str) -> SettingsError:
 
 def _edited_error(path: str) -> SettingsError:
     return SettingsError(
-        f"what was added to {path} has been edited since",
-        found="other lines than were put in",
+        f"the lines that legoworld added to {path} were edited",
+        found="lines that differ from those added",
         expected=f"the lines that {RECORD} names",
         next_step=f"remove legoworld's lines by hand, then delete {RECORD}",
     )

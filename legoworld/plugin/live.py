@@ -166,7 +166,7 @@ class LiveBlender:
             self.recovered = answer.get("recovered") or self.recovered
         except (ValueError, LookupError, TypeError) as error:
             raise BlenderRefusedError(
-                "Blender did not say where it saved the copy",
+                "Blender did not report the path of the saved copy",
                 found=said[-200:],
                 expected="one line of JSON",
             ) from error

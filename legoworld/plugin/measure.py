@@ -270,7 +270,7 @@ class _Measurement(WorldMeasurement):
     def depth(self, requirement: kinds.Depth) -> tuple[float, float]:
         own = [region for entity, region in requirement.matched if entity == requirement.entity]
         if not own:
-            raise UnknownError(f"{requirement.entity!r} is not among the matched")
+            raise UnknownError(f"{requirement.entity!r} is not among the matched entities")
         pairs = [self._pair(*match) for match in requirement.matched]
         fit = residuals.fit_depth([pair for pair in pairs if pair is not None])
         if fit is None:

@@ -25,7 +25,7 @@ class UnknownError(Exception):
 
 
 class UnmetError(Exception):
-    """A requirement fails without a number: what it measures is not there; the text says what."""
+    """A requirement fails without a number: the text names what is missing to measure it."""
 
 
 class Measured(NamedTuple):

@@ -25,7 +25,7 @@ class TransactionError(LegoWorldError):
 
 
 class OpenLedger:
-    """A ledger that is continued. states: a folder of the states that transactions began from."""
+    """A reopened ledger. states: folder of the state that each transaction began from."""
 
     def __init__(self, folder: Path, states: Path) -> None:
         self.ledger = Ledger(folder)

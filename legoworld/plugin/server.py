@@ -151,7 +151,7 @@ class _Desk:
         tool = self._tools.get(name)
         if tool is None:
             raise UsageError(
-                "there is no such tool",
+                "unknown tool",
                 found=repr(name),
                 expected=describe_choices(self._tools, name),
             )

@@ -17,7 +17,7 @@ from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, shared_truth_parts
 from legoworld.report.shapes import drawn_predictions
-from legoworld.report.tried import OverlapGains, Shift, shift_words, try_steps
+from legoworld.report.tried import Gains, Shift, shift_words, try_steps
 
 _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
@@ -284,7 +284,7 @@ def _how_to_fit(
     return _step(try_steps(task, image, side, *pair), side, names)
 
 
-def _step(gains: OverlapGains, side: SideImage, names: Mapping[int, str]) -> str:
+def _step(gains: Gains, side: SideImage, names: Mapping[int, str]) -> str:
     if gains.parts_help:
         return _count_in(gains, side, names)
     if not gains.fit_helps:
@@ -293,7 +293,7 @@ def _step(gains: OverlapGains, side: SideImage, names: Mapping[int, str]) -> str
     return f"move or resize it to the photo{gain}"
 
 
-def _count_in(gains: OverlapGains, side: SideImage, names: Mapping[int, str]) -> str:
+def _count_in(gains: Gains, side: SideImage, names: Mapping[int, str]) -> str:
     listed = ", ".join(sorted({names[side.entries[d].category_id] for d in gains.given_back}))
     return (
         f"count {listed} in, if part of it: IoU {gains.together_iou:.2f} with it; a label cuts its "

@@ -101,11 +101,7 @@ def _costs(side: Findings, other: Mapping[Key, Finding] | None, of: int) -> list
 
     findings = side.by_error
     ordered = sorted(
-        (
-            k
-            for k in findings
-            if findings[k].gain >= side.least and findings[k].gain > other_gain(k)
-        ),
+        (k for k, f in findings.items() if f.gain >= side.least and f.gain > other_gain(k)),
         key=lambda k: (other_gain(k) - findings[k].gain, -findings[k].gain, str(k)),
     )
     return [

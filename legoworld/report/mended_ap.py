@@ -240,10 +240,8 @@ class _Mender:
 
     def mean_of_scored(self) -> float | None:
         """AP over the images that have an answer."""
-        table, failed = (
-            self._table,
-            np.searchsorted(self._table.image_ids, self._mended.failed_images),
-        )
+        table = self._table
+        failed = np.searchsorted(table.image_ids, self._mended.failed_images)
         if not len(failed) or len(failed) == len(table.image_ids):
             return None
         left = ~np.isin(table.truth_image, failed)

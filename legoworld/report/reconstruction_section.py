@@ -89,7 +89,7 @@ class _Bench:
 
     @cached_property
     def protocol(self) -> BenchProtocol:
-        """The shipped card's."""
+        """Protocol of the shipped card."""
         return bench_protocol()
 
 

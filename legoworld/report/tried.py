@@ -30,7 +30,7 @@ _MOST_PAIRS: Final = 500
 
 
 @dataclass(frozen=True, kw_only=True)
-class OverlapGains:
+class Gains:
     """What helps a prediction that covers its truth too little, by the IoU it would have.
 
     given_back: predictions of other categories in the truth, that with it cover it better;
@@ -57,10 +57,8 @@ class OverlapGains:
         return self.fitted_iou >= self.iou + _GAIN
 
 
-def try_steps(
-    task: str, image: DetectionImage, side: SideImage, entry: int, truth: int
-) -> OverlapGains:
-    """Try both steps on one prediction of a side, by its place there, and its truth."""
+def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, truth: int) -> Gains:
+    """Gains of both steps for a prediction. entry, truth: indices in `side` and `image`."""
     predicted = shapes(task, image.image, side.entries)
     wanted = shapes(task, image.image, [image.truths[truth]])
     own = side.entries[entry].category_id
@@ -76,7 +74,7 @@ def try_steps(
     if parts:
         whole = payload.enclose_shapes([predicted[entry], *(predicted[d] for d in parts)])
         together = float(payload.compare_shapes([whole], wanted, [0])[0, 0])
-    return OverlapGains(
+    return Gains(
         iou=iou,
         given_back=parts,
         together_iou=together,

@@ -296,7 +296,7 @@ def describe_file(run: Path, name: str) -> WrittenFile:
 
 
 def field_values(record: WrittenFile) -> dict[str, Any]:
-    """A record's fields, to make a larger one of."""
+    """A record's fields, as arguments of a record that extends it."""
     return {name: getattr(record, name) for name in record.__struct_fields__}
 
 

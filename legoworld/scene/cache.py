@@ -127,7 +127,7 @@ def unwritable(folder: Path, why: str) -> CacheFolderError:
 
 
 def why_unwritable(folder: Path) -> str:
-    """Why nothing can be kept in a cache folder, which is made; "" where it can."""
+    """Create a cache folder. Returns why it cannot be written, or ""."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -40,9 +40,9 @@ def latex(table: Table) -> str:
 
 
 def comma_separated(table: Table) -> str:
-    """CSV with a header line: numbers unrounded, undefined ones empty; notes are not in it.
+    """CSV with a header: numbers unrounded, undefined ones empty, without notes.
 
-    An interval has columns of its own, which the table must bring.
+    Intervals are written only where the table has columns for them.
     """
     stream = io.StringIO()
     rows = [

@@ -89,7 +89,7 @@ def protections(confinement: Confinement, *, network: bool = False) -> Protectio
         raise SandboxUnavailableError(
             "bubblewrap cannot be used",
             found=usable,
-            expected="a bubblewrap that may make user namespaces",
+            expected="bubblewrap, allowed to create user namespaces",
             next_step=how_to_have(usable),
         )
     return Protections(bubblewrap=None, why_not=usable, network=network, task_group=grouped)

@@ -388,7 +388,7 @@ def test_fractions_are_no_ids(bring, key, value):
     code, _, said = bring([box(139, 90), {**box(139, 90), key: value}])
     assert code == 2
     assert len(said.strip().splitlines()) == 1
-    assert f"the {key} of a result that is no whole number; found: {value}" in said
+    assert f"a result whose {key} is not an integer; found: {value}" in said
 
 
 def test_outputs_of_one_image_on_one_line(bring):

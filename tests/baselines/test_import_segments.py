@@ -75,7 +75,7 @@ def test_ids_of_others_are_kept_and_areas_are_counted(theirs):
     [("png alone", "invalid", "segments that are not in the JSON file; found: id 2 on 3 pixels"),
      ("json alone", "invalid", "found: segment 8 in the JSON file alone"),
      ("category", "invalid", "category 26"), ("size", "invalid", "another size than its image"),
-     ("image", "missing", "no segments of the photo")],
+     ("image", "missing", "no segments for this photo")],
 )  # fmt: skip
 def test_an_image_that_cannot_be_scored_is_a_row(theirs, how, status, said):
     change(theirs, how)

@@ -47,7 +47,7 @@ from legoworld.report.mended_ap import MendedAp, prediction_errors
 from legoworld.report.notebook import instances_text, statuses_html
 from legoworld.report.parts import lone_part, shared_truth_parts
 from legoworld.report.reconstruction_pictures import OUTCOMES
-from legoworld.report.tried import OverlapGains, _fitted_iou, try_steps
+from legoworld.report.tried import Gains, _fitted_iou, try_steps
 
 
 def truth(*box: float, category: int = 1) -> TrueAnnotation:
@@ -122,7 +122,7 @@ def test_a_lone_part_lies_in_the_truth_that_holds_most_of_it():
      (0.6, 0.61, False, True), (0.5, 0.55, False, True)],
 )  # fmt: skip
 def test_a_step_helps_from_a_gain_of_a_twentieth(together, fitted, parts, fit):
-    tried = OverlapGains(iou=0.5, given_back=(), together_iou=together, fitted_iou=fitted)
+    tried = Gains(iou=0.5, given_back=(), together_iou=together, fitted_iou=fitted)
     assert (tried.parts_help, tried.fit_helps) == (parts, fit)
 
 

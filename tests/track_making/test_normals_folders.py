@@ -103,5 +103,5 @@ def test_an_exr_of_other_channels_is_no_picture_of_normals(tmp_path):
     for name, channels in (("two", ("R", "G")), ("depth", ("Z",))):
         values = {c: np.ones(SIZE[::-1], np.float32) for c in channels}
         openexr.File({"type": openexr.scanlineimage}, values).write(str(tmp_path / f"{name}.exr"))
-        with pytest.raises(DepthFileError, match="not one picture of 3 channels"):
+        with pytest.raises(DepthFileError, match="not a single 3-channel picture"):
             read_normals(tmp_path / f"{name}.exr", Declaration(sign="towards_camera"))

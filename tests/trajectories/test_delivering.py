@@ -405,5 +405,5 @@ def test_equal_runs_leave_the_first_and_no_regions_choose_nothing(three_runs, tm
     assert record.run == f"run_1/{record.scene}"
     assert three_runs.asked == [tmp_path / "evidence" / record.scene]
     three_runs.regions.clear()
-    with pytest.raises(UsageError, match=r"nothing to choose .* by.*no regions"):
+    with pytest.raises(UsageError, match=r"can be chosen by its residuals.*no regions"):
         pick(three_runs.scenes, tmp_path / "more", by)

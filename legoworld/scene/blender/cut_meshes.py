@@ -59,9 +59,9 @@ class MeshCutter:
     def cut(
         self, triangles: Triangles, rules: NDArray[np.int32]
     ) -> tuple[Triangles, TriangleCuts | None]:
-        """The remaining triangles; their rules (T,) are numbers of the table.
+        """The remaining triangles, and the rule of each, (T,) indices of the table.
 
-        They keep their order; one that two rules apply to, by its sides, stands there twice.
+        Order is kept. A triangle with a different rule on each side is listed twice.
         """
         pieces: list[_Piece] = []
         for number in np.unique(rules).tolist():

@@ -138,7 +138,7 @@ class _Tiers:
             raise _not_nested(
                 f"{thing.name!r} is of tier {_TIERS[own]}, and {holder!r}, which holds it, of "
                 f"{_TIERS[latest]}",
-                "parts that are there no earlier than what holds them",
+                "parts whose tier is not earlier than that of what holds them",
             )
         return latest if own is None else own
 

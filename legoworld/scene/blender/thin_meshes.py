@@ -64,7 +64,7 @@ class ThinMeshes:
         *,
         held_out: bool,
     ) -> tuple[int, int]:
-        """Numbers of the meshes of an object's particle hair, seen and held out, or `NO_MESH`."""
+        """Mesh indices of an object's particle hair, visible and holdout, or `NO_MESH`."""
         key = real.original.as_pointer()
         if key not in self._systems:
             self._systems[key] = [
@@ -88,7 +88,7 @@ class ThinMeshes:
         *,
         held_out: bool,
     ) -> tuple[int, int]:
-        """Numbers of the meshes of a hair curves object, seen and held out, or `NO_MESH`."""
+        """Mesh indices of a hair curves object, visible and holdout, or `NO_MESH`."""
         key = (shown.data.as_pointer(), shown.original.as_pointer())
         if key not in self._strands:
             self._strands[key] = curve_strands(shown)

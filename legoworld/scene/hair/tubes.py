@@ -31,7 +31,7 @@ def round_tubes(strands: Strands, eye: Eye) -> Triangulated:
 
 
 def linear_tubes(strands: Strands, eye: Eye) -> Triangulated:
-    """(V, 3), (T, 3): cones between keys, touching a sphere around each, and the spheres."""
+    """Vertices (V, 3), triangles (T, 3): a sphere at each key and cones tangent to them."""
     sides = _sides(strands, eye)
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
     ball = sphere(int(sphere_levels(np.array([share]))[0]))
