@@ -159,7 +159,7 @@ def test_a_scene_is_read_from_a_copy_that_goes_and_may_be_kept(live):
     _, kept = live.made.read(keep=True)
     assert (live.store / f"{kept}.blend").read_bytes() == b"BLENDER 1"
     (scene, how), _ = live.made.read(render_wh=(6, 4))
-    assert scene.shown == "shown"
+    assert scene.reading == "shown"
     assert how == {"render": (copy, "the reader", (6, 4))}
     assert live.made.recovered is None
     live.blender.recovered = "/mine.blend"
