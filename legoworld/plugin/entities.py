@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.pluralize import nearest_names
 from legoworld.scene.snapshot import Snapshot
 from legoworld.solids.meshes import surface_points_m, surfaces_solid
 
@@ -35,7 +35,7 @@ class Entities:
         names = {o.name for o in self.snapshot.objects} | {
             c.name for c in self.snapshot.collections
         }
-        return difflib.get_close_matches(name, sorted(names), n=3)
+        return nearest_names(name, sorted(names))
 
     def points_m(self, name: str) -> NDArray[np.float64]:
         """(N, 3) float64: the world coordinates of an entity's vertices, metres."""

@@ -6,7 +6,6 @@ ranges, and the arguments of requirements once, beside a union that says which k
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -17,6 +16,7 @@ import msgspec
 
 from legoworld.errors import UsageError
 from legoworld.files import Json
+from legoworld.pluralize import nearest_names
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.plugin_requirements import AnyRequirement, Requirement
 
@@ -259,7 +259,7 @@ def _said_of(schema: JsonObject, what: str) -> str:
 def describe_choices(valid: Iterable[str], given: Json) -> str:
     """The valid values, and the nearest to what was given."""
     names = [*valid]
-    near = difflib.get_close_matches(str(given), names, n=1)
+    near = nearest_names(str(given), names, 1)
     return f"one of {', '.join(names)}" + (f"; nearest: {near[0]}" if near else "")
 
 

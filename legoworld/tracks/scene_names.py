@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Final
 
+from legoworld.pluralize import nearest_names
+
 #: An extension of a photo, left on a scene folder's name.
 _EXTENSION: Final = re.compile(r"\.(jpe?g|png|webp|bmp|tiff?|blend|glb|py)$")
 #: Common additions to a photo's name.
@@ -35,7 +37,7 @@ def strangers(
     for name in absent:
         for key in _keys(name):
             by_key.setdefault(key, []).append(name)
-    return [Stranger(folder=name, meant=_nearest_scene(name, by_key, absent)) for name in left]
+    return [Stranger(folder=name, meant=_meant(name, by_key, absent)) for name in left]
 
 
 def lower_top(strangers: Sequence[Stranger]) -> str | None:
@@ -48,16 +50,12 @@ def lower_top(strangers: Sequence[Stranger]) -> str | None:
     return tops.pop() if len(tops) == 1 else None
 
 
-def _nearest_scene(
-    folder: str, by_key: Mapping[str, list[str]], absent: Sequence[str]
-) -> str | None:
+def _meant(folder: str, by_key: Mapping[str, list[str]], absent: Sequence[str]) -> str | None:
     for key in _keys(folder):
         names = set(by_key.get(key, ()))
         if len(names) == 1:
             return names.pop()
-    import difflib  # only needed for a message
-
-    near = difflib.get_close_matches(folder, absent, n=2, cutoff=0.8)
+    near = nearest_names(folder, absent, 2, cutoff=0.8)
     digits = folder.isdigit()  # names with different numbers are different photos, however similar
     return near[0] if len(near) == 1 and not digits else None
 

@@ -39,7 +39,7 @@ def line(**message: Any) -> str:
     return json.dumps(message) + "\n"
 
 
-def nested(levels: int) -> str:
+def nested_lists(levels: int) -> str:
     return "[" * levels + "]" * levels
 
 
@@ -141,12 +141,12 @@ def records_of(
         ('{"image_id": 1, "predictions": [], "counts": {"n": 1e999}}\n', "number out of range"),
         (line(image_id=1, failed="\ud800"), "half of a surrogate pair"),
         (line(image_id=1, predictions=[], counts={"\udfff": 1}), "half of a surrogate pair"),
-        (f'{{"image_id": 1, "predictions": {nested(200)}}}\n', "nested beyond 32 levels"),
+        (f'{{"image_id": 1, "predictions": {nested_lists(200)}}}\n', "nested beyond 32 levels"),
         (f'{{"image_id": 1, "predictions": [{10**30}]}}\n', "more than 64 bits"),
         (f'{{"image_id": 1, "predictions": [{"9" * 5000}]}}\n', "more than 64 bits"),
         (f'{{"image_id": {"9" * 5000}, "predictions": []}}\n', "more than 64 bits"),
         (f'{{"image_id": 1, "predictions": [-{"9" * 5000}.5]}}\n', "number out of range"),
-        (f'{{"image_id": 1, "predictions": {nested(100_000)}}}\n', "nested too deeply"),
+        (f'{{"image_id": 1, "predictions": {nested_lists(100_000)}}}\n', "nested too deeply"),
         (line(image_id=1, predictions=[], counts=["a"]), "got array at $.counts"),
         (
             line(image_id=1, predictions=[], counts={"a": "b"}),
@@ -230,7 +230,7 @@ def test_a_strange_line_costs_no_image(request_of, strange):
     ("first", "words"),
     [
         ('{"provenance": {"seed": NaN}}\n', "first line .* cannot be used.*NaN, infinity"),
-        (f'{{"provenance": {nested(100_000)}}}\n', "first line .* nested too deeply"),
+        (f'{{"provenance": {nested_lists(100_000)}}}\n', "first line .* nested too deeply"),
         (line(provenance={"model": "\ud800"}), "first line .* half of a surrogate pair"),
         (
             line(provenance=[]),
@@ -312,7 +312,7 @@ LINES = st.lists((ANSWERS | VALUES).map(lambda v: json.dumps(v) + "\n"), max_siz
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(task=st.sampled_from(["coco", "lvis", "eth3d"]), lines=LINES)
 @example(task="coco", lines=[line(image_id=True, predictions=[])])
-@example(task="lvis", lines=[line(working_on=[1, 2]), f'{{"a": {nested(5000)}}}\n'])
+@example(task="lvis", lines=[line(working_on=[1, 2]), f'{{"a": {nested_lists(5000)}}}\n'])
 def test_any_answers_end_in_rows(request_of, task, lines):
     """Or in an error about an image that was not asked for."""
     try:
@@ -345,7 +345,7 @@ def test_a_message_is_what_every_file_can_hold(value):
 
 def test_nesting_is_bounded_where_it_says():
     def levels(n: int) -> str:  # the object is the first level
-        return '{"a": ' + nested(n - 1) + "}\n"
+        return '{"a": ' + nested_lists(n - 1) + "}\n"
 
     assert isinstance(read_line(levels(MOST_LEVELS)), Message)
     assert isinstance(read_line(levels(MOST_LEVELS + 1)), Unreadable)

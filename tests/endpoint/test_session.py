@@ -79,7 +79,7 @@ class Blender:
         self.closed += 1
 
 
-def said(result=None, error=None, seconds=0.0, stopped=False):
+def reply_of(result=None, error=None, seconds=0.0, stopped=False):
     return BlenderReply(result=result, error=error, seconds=seconds, stopped=stopped)
 
 
@@ -118,10 +118,10 @@ def test_a_session_starts_blender_with_what_the_trial_says(tmp_path, live):
 def test_each_call_is_a_row_of_what_was_sent_and_what_came_of_it(tmp_path, live):
     long = "é " * 300
     live.replies = [
-        said({"result": long}, seconds=1.23456789),
-        said(error="no\nsuch name", seconds=0.5),
-        said(error="stopped", stopped=True),
-        said(["no words"]),
+        reply_of({"result": long}, seconds=1.23456789),
+        reply_of(error="no\nsuch name", seconds=0.5),
+        reply_of(error="stopped", stopped=True),
+        reply_of(["no words"]),
         BlenderEndedError("it is over", limit="time"),
         BlenderEndedError("it crashed", limit="memory"),
         LegoWorldError("not this", found="that"),
@@ -162,7 +162,7 @@ def test_each_call_is_a_row_of_what_was_sent_and_what_came_of_it(tmp_path, live)
 
 def test_a_call_has_no_more_time_than_is_left(tmp_path, live):
     with closing(Session(trial_in(tmp_path, call_time_s=7.0))) as session:
-        live.replies = [said({}), said({})]
+        live.replies = [reply_of({}), reply_of({})]
         session.answer(CODE)
         assert live.asked[-2][0:2] == ("execute_code", {"code": "1"})
         assert live.asked[-2][2] == 7.0
@@ -176,7 +176,14 @@ def test_a_call_has_no_more_time_than_is_left(tmp_path, live):
 
 
 def test_only_code_makes_a_checkpoint_and_only_of_another_scene(tmp_path, live):
-    live.replies = [said({}), said({}), said({}), said({}), said({"success": True}), said({})]
+    live.replies = [
+        reply_of({}),
+        reply_of({}),
+        reply_of({}),
+        reply_of({}),
+        reply_of({"success": True}),
+        reply_of({}),
+    ]
     (live.files / "output" / "screenshot.png").write_bytes(PNG)
     look = Command(
         type="get_viewport_screenshot",
@@ -202,7 +209,7 @@ def test_only_code_makes_a_checkpoint_and_only_of_another_scene(tmp_path, live):
 
 def test_a_screenshot_that_failed_delivers_nothing(tmp_path, live):
     target = tmp_path / "workspace" / "look.png"
-    live.replies = [said({"success": False}), said("words"), said({"success": True})]
+    live.replies = [reply_of({"success": False}), reply_of("words"), reply_of({"success": True})]
     look = Command(type="get_viewport_screenshot", params={"filepath": str(target)})
     with closing(Session(trial_in(tmp_path))) as session:
         assert session.answer(look).result == {"success": False}
@@ -213,7 +220,7 @@ def test_a_screenshot_that_failed_delivers_nothing(tmp_path, live):
 
 
 def test_an_export_stays_in_the_workspace(tmp_path, live):
-    live.replies = [said({"done": 1})]
+    live.replies = [reply_of({"done": 1})]
     inside = {"filepath": str(tmp_path / "workspace" / "a.glb")}
     with closing(Session(trial_in(tmp_path))) as session:
         answer = session.answer(Command(type="export_scene", params=inside))
@@ -229,7 +236,7 @@ def test_an_export_stays_in_the_workspace(tmp_path, live):
 def test_a_saved_scene_is_kept_when_it_is_another(tmp_path, live):
     workspace = tmp_path / "workspace"
     (workspace / "scene.blend").write_bytes(b"BLENDER before")
-    live.scene, live.replies = None, [said({})] * 4
+    live.scene, live.replies = None, [reply_of({})] * 4
     with closing(Session(trial_in(tmp_path))) as session:
         session.answer(CODE)
         assert session.record.checkpoints == [], "it was there before"
@@ -255,7 +262,7 @@ def test_a_continued_session_goes_on_after_its_last_call(tmp_path, live):
         said="", checkpoint=None,
     )  # fmt: skip
     record.note(row)
-    live.replies = [said({})]
+    live.replies = [reply_of({})]
     with closing(Session(trial_in(tmp_path))) as session:
         session.answer(CODE)
         second = session.record.calls[1]
@@ -346,7 +353,7 @@ def export(tmp_path, **how):
 
 def test_a_scene_is_exported_from_the_workspace_with_room_for_it(tmp_path, exporting):
     (tmp_path / "workspace" / "full").write_bytes(bytes(1 << 20))
-    exporting.replies = [said({"warnings": ["a\nb", 5]}), said({})]
+    exporting.replies = [reply_of({"warnings": ["a\nb", 5]}), reply_of({})]
     assert export(tmp_path) == ["a b", "5", "picture it"]
     (begun,) = exporting.started
     assert (begun.workspace, begun.protections) == (tmp_path / "workspace", HELD)
@@ -364,7 +371,7 @@ def test_a_scene_is_exported_from_the_workspace_with_room_for_it(tmp_path, expor
 
 
 def test_a_scene_without_a_gltf_is_delivered_and_a_bad_one_is_not(tmp_path, exporting, monkeypatch):
-    exporting.leaves, exporting.replies = {"scene.blend": b"b"}, [said(), said()]
+    exporting.leaves, exporting.replies = {"scene.blend": b"b"}, [reply_of(), reply_of()]
     assert export(tmp_path) == ["picture it"]
     exporting.leaves["scene.glb"] = b"g"
 
@@ -379,7 +386,7 @@ def test_a_scene_without_a_gltf_is_delivered_and_a_bad_one_is_not(tmp_path, expo
 
 
 def test_what_cannot_be_saved_is_no_submission(tmp_path, exporting):
-    exporting.replies = [said(error="no memory"), said()]
+    exporting.replies = [reply_of(error="no memory"), reply_of()]
     with pytest.raises(SceneInvalidError, match=r"could not be exported.*no memory"):
         export(tmp_path)
     exporting.leaves = {}
@@ -521,7 +528,7 @@ def test_an_endpoint_opens_its_scene_and_says_where_it_is_kept(tmp_path, live):
     with open_endpoint(options, notice=notices.append) as port:
         (begun,) = live.started
         assert (begun.blend, begun.inputs) == (options.scene, (tmp_path,))
-        live.replies = [said({})]
+        live.replies = [reply_of({})]
         with socket.create_connection((HOST, port), timeout=60) as line:
             line.sendall(b'{"type": "get_scene_info"}')
             assert json.loads(line.recv(4096))["status"] == "success"
@@ -564,7 +571,7 @@ def test_what_is_no_message_is_answered_before_the_line_closes(tmp_path, live):
             answer = json.loads(line.makefile("rb").read())
             assert answer["message"] == "a message is a JSON object and begins with {"
         by = EndpointServer(session, 0, by="plugin")
-        live.replies = [said({})]
+        live.replies = [reply_of({})]
         with by, socket.create_connection((HOST, by.port), timeout=60) as line:
             line.sendall(b'{"type": "get_scene_info"}')
             line.recv(4096)

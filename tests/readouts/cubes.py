@@ -22,7 +22,7 @@ FACES = np.array(
 SIZE = (320, 240)
 
 
-def seen(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
+def view_of(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
     """placed: (category, camera-frame middle, size or 3 of them, degrees about up, optional).
 
     faces: of each box.

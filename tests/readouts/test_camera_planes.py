@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from readouts.quads import BUMP, SQUARE, at, quads, turned
+from readouts.quads import BUMP, SQUARE, at, quads, rotation
 
 from legoworld.readouts.filled_view import facing_planes
 from legoworld.readouts.surface import visible_surface
@@ -29,7 +29,7 @@ def test_a_square_that_faces_the_camera():
 
 @pytest.mark.parametrize(("degrees", "limit", "found"), [(9, 10, 1), (11, 10, 0), (11, 11, 1)])
 def test_how_far_it_may_be_turned(degrees, limit, found):
-    scene = quads(("Poster", SQUARE, at(0, 0, 0, turned(degrees))))
+    scene = quads(("Poster", SQUARE, at(0, 0, 0, rotation(degrees))))
     _, planes, number = planes_of(scene, max_tilt_deg=limit)
     assert [p.tilt_deg for p in planes] == [degrees] * found
     assert (number >= 0).any() == bool(found)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from readouts.cubes import FACES, seen
+from readouts.cubes import FACES, view_of
 from scene.by_hand import CAMERA
 
 from legoworld.errors import InstallationError
@@ -25,7 +25,7 @@ from legoworld.records.track import Designator
 
 
 def base(*placed, **options) -> FactBase:
-    return FactBase(relation_facts(*seen(*placed, **options)))
+    return FactBase(relation_facts(*view_of(*placed, **options)))
 
 
 def holding(facts: FactBase, a: int, b: int) -> set[str]:
@@ -102,7 +102,7 @@ def test_what_a_closed_volume_holds_is_inside_and_what_only_a_hull_holds_is_unde
 
 def test_things_that_reach_into_each_other_collide_by_the_plugin_s_depth():
     placed = ("cup", (0, 0, 5), 1), ("plate", (0.9, 0, 5), 1), ("fork", (0, -1, 5), 1)
-    view, instances = seen(*placed, ("spoon", (3, 0, 5), 1))
+    view, instances = view_of(*placed, ("spoon", (3, 0, 5), 1))
     facts = FactBase(relation_facts(view, instances))
     world = WorldMeasurement(SimpleNamespace(snapshot=view.snapshot))
     depth, _ = world.collision(Collision(entity="thing 0", other="thing 1", hard=True))
@@ -121,7 +121,7 @@ def test_a_front_is_the_object_s_own_minus_y(degrees, margin):
 
 def test_support_containment_and_fronts_are_the_plugin_s():
     placed = [("cup", (0.1, 0, 5), 1), ("plate", (0, -1.004, 5), 1), ("fork", (0.2, 0.2, 4.6), 0.5)]
-    view, instances = seen(*placed)
+    view, instances = view_of(*placed)
     facts = FactBase(relation_facts(view, instances))
     world = WorldMeasurement(SimpleNamespace(snapshot=view.snapshot))
     gap, _ = world.support(Support(entity="thing 1", on="thing 0", hard=True))
@@ -134,7 +134,7 @@ def test_support_containment_and_fronts_are_the_plugin_s():
 
 def test_the_largest_objects_are_kept_and_the_others_counted():
     placed = [("cup", (x, 0, 8), 0.1 + 0.1 * (x == 1)) for x in np.linspace(-2, 2, 9)]
-    view, instances = seen(*placed)
+    view, instances = view_of(*placed)
     facts = relation_facts(view, instances, most=3)
     assert (len(facts.objects), len(facts.pairs.a), facts.left_out) == (3, 3, 6)
     assert 6 in {thing.id for thing in facts.objects}
@@ -143,7 +143,7 @@ def test_the_largest_objects_are_kept_and_the_others_counted():
 def test_thousands_of_objects_are_bounded_to_the_largest_hundred():
     random = np.random.default_rng(0)
     xyz = random.uniform((-4, -3, 5), (4, 3, 60), (2_000, 3))
-    view, instances = seen(*(("cup", tuple(place), 0.15) for place in xyz), size=(640, 480))
+    view, instances = view_of(*(("cup", tuple(place), 0.15) for place in xyz), size=(640, 480))
     facts = relation_facts(view, instances)
     visible = int((view.area_px > 0).sum())
     assert (len(facts.objects), len(facts.pairs.a)) == (100, 4950)
@@ -169,7 +169,7 @@ def test_without_fcl_the_run_stops_with_the_command_that_installs_it(monkeypatch
 
 
 def test_the_file_holds_the_facts_and_names_what_is_left_out(tmp_path, monkeypatch):
-    view, instances = seen(("cup", (0, 0, 5), 1), ("plate", (2, 0, 5), 1), (None, (0, 2, 5), 1))
+    view, instances = view_of(("cup", (0, 0, 5), 1), ("plate", (2, 0, 5), 1), (None, (0, 2, 5), 1))
     image = AnsweredImage(image_id=1, name="a/b", run=tmp_path, instances=instances, view=view)
     row = READOUT.write(RunRow(image_id=1, file_name="b.jpg", status="ok"), image)
     data = (tmp_path / row.answer.file).read_bytes()
@@ -182,7 +182,7 @@ def test_the_file_holds_the_facts_and_names_what_is_left_out(tmp_path, monkeypat
 
 def test_a_row_says_how_many_objects_are_left_out(tmp_path):
     placed = [("cup", (x / 3, y / 3, 9), 0.2) for x in range(-7, 8) for y in range(-4, 4)]
-    view, instances = seen(*placed)
+    view, instances = view_of(*placed)
     image = AnsweredImage(image_id=1, name="a", run=tmp_path, instances=instances, view=view)
     row = READOUT.write(RunRow(image_id=1, file_name="a.jpg", status="ok"), image)
     assert row.answer.bytes < 1_200_000

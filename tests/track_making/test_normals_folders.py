@@ -17,7 +17,7 @@ SIZE = (8, 6)
 SLANTED = -wall(SIZE, 20)  # away from the camera
 
 
-def coded(dtype):
+def encode_normals(dtype):
     most = np.iinfo(dtype).max
     values = np.rint((SLANTED + 1) / 2 * most).astype(dtype)
     values[0] = 0
@@ -54,7 +54,7 @@ def write_layout(name, folder):
         np.save(normals, unknown_at_0().astype(np.float64))
         np.save(folder / "indoors/scene_00019/00019_0_depth_mask.npy", np.ones(SIZE[::-1]))
     else:
-        cv2.imwrite(str(normals), coded(np.uint8 if name == "nyuv2" else np.uint16))
+        cv2.imwrite(str(normals), encode_normals(np.uint8 if name == "nyuv2" else np.uint16))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
