@@ -159,7 +159,7 @@ class Beneath:
                     os.unlink(last, dir_fd=folder)
 
     def make_folder(self, name: str | PurePath) -> None:
-        """Make a folder and those above it, as far as they are not there."""
+        """Create a folder and its missing parents."""
         parts = _parts(name)
         for depth in range(len(parts) + 1):  # the last round refuses what is no folder
             with _translate_errors(name), self._folder(parts[:depth]) as above:

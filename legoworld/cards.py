@@ -118,9 +118,9 @@ def read_card(path: Path, task: str) -> Card:
 
 
 def read_values(path: Path, task: str) -> Card:
-    """Read a card without holding it to anything.
+    """Read a card without checking its values.
 
-    base: the name of a card beside it, whose tables it has where it declares none of the name.
+    base: file name of a card beside it; it supplies the tables that this card does not declare.
     Raises InstallationError for a file that cannot be read as TOML.
     """
     file = f"readouts/{path.name}" if path.parent == catalog.folder("readouts") else str(path)

@@ -43,7 +43,7 @@ def one_line(text: str, limit: int = 400) -> str:
 
 
 def cause(error: Exception) -> str:
-    """An error's own words for `found`: of an OSError, without its number and without the path."""
+    """An error's message for `found`; of an OSError without errno and path."""
     words = error.strerror if isinstance(error, OSError) else None
     return words or str(error) or type(error).__name__
 

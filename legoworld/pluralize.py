@@ -27,11 +27,16 @@ def first_few(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + more
 
 
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """A sentence that suggests the nearest known word, after a space; empty without one."""
+def nearest_names(word: str, known: Iterable[str], n: int = 3, cutoff: float = 0.6) -> list[str]:
+    """The known names most similar to a word, at most n; the nearest first."""
     import difflib  # only needed for a message
 
-    near = difflib.get_close_matches(word.casefold(), known, n=1, cutoff=0.6)
+    return difflib.get_close_matches(word, [*known], n, cutoff)
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """A sentence that suggests the nearest known word, after a space; empty without one."""
+    near = nearest_names(word.casefold(), known, 1)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 

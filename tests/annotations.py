@@ -40,7 +40,7 @@ class Parameter(NamedTuple):
     annotation: ast.expr
 
 
-def counted() -> tuple[int, list[Parameter]]:
+def count_parameters() -> tuple[int, list[Parameter]]:
     """How many annotated parameters there are, and the open ones."""
     trees = modules()
     names = Names(trees)
@@ -165,7 +165,7 @@ def last_name(node: ast.expr) -> str:
 
 
 if __name__ == "__main__":
-    total, open_ones = counted()
+    total, open_ones = count_parameters()
     if "-v" in sys.argv[1:]:
         for one in open_ones:
             print(f"{one.module} {one.function}({one.name}: {ast.unparse(one.annotation)})")

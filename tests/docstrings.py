@@ -63,7 +63,7 @@ def without_shape(trees: Mapping[str, ast.Module]) -> tuple[int, list[Function]]
 def without_error(trees: Mapping[str, ast.Module]) -> tuple[int, list[tuple[Function, str]]]:
     """How many public functions raise, and errors that one of them raises and does not name."""
     bases = error_bases(trees)
-    raising = [(one, raised(one.node, bases)) for one in public_functions(trees)]
+    raising = [(one, raised_errors(one.node, bases)) for one in public_functions(trees)]
     raising = [(one, errors) for one, errors in raising if errors]
     unnamed = [
         (one, error)
@@ -104,7 +104,7 @@ def annotation_nodes(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[a
         yield node.returns
 
 
-def raised(node: ast.AST, bases: Mapping[str, set[str]]) -> set[str]:
+def raised_errors(node: ast.AST, bases: Mapping[str, set[str]]) -> set[str]:
     """The errors of `bases` that leave a function's own body by a raise statement."""
     errors: set[str] = set()
     if isinstance(node, ast.Raise) and node.exc is not None:
@@ -114,7 +114,7 @@ def raised(node: ast.AST, bases: Mapping[str, set[str]]) -> set[str]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.expr):
             continue
-        inner = raised(child, bases)
+        inner = raised_errors(child, bases)
         if isinstance(node, ast.Try) and child in node.body:
             caught = {last_name(n) for h in node.handlers if h.type for n in _parts(h.type)}
             inner = {error for error in inner if not bases[error] & caught}

@@ -45,7 +45,7 @@ def blocks(page: Path) -> list[tuple[str, str, str, str]]:
     return _BLOCK.findall(page.read_text(encoding="utf-8"))
 
 
-def unmarked(page: Path) -> int:
+def count_unmarked(page: Path) -> int:
     """How many blocks of code are neither run nor saved."""
     return len(_FENCE.findall(page.read_text(encoding="utf-8"))) - len(blocks(page))
 

@@ -9,14 +9,14 @@ import ast
 from collections import Counter
 
 import pytest
-from annotations import Names, counted, modules, parameters
+from annotations import Names, count_parameters, modules, parameters
 from docstrings import CONVERTED, without_error, without_shape
 
 MOST = 0.02
 
 
 def test_few_parameters_are_open():
-    total, open_ones = counted()
+    total, open_ones = count_parameters()
     worst = Counter(one.module for one in open_ones).most_common(5)
     assert total > 6000
     assert len(open_ones) / total < MOST, f"python tests/annotations.py -v lists them: {worst}"
@@ -76,7 +76,7 @@ def test_every_public_function_that_raises_names_the_error():
         assert any(getattr(n, "name", "") == function for n in trees[module].body)
 
 
-def planted(annotation: str, doc: str, class_doc: str = "Values.") -> dict[str, ast.Module]:
+def plant_function(annotation: str, doc: str, class_doc: str = "Values.") -> dict[str, ast.Module]:
     method = f"def f(self, x: {annotation}) -> None:\n        {doc!r}"
     here = f"from p.elsewhere import Array\nclass C:\n    {class_doc!r}\n    {method}\n"
     return {"p.here": ast.parse(here), "p.elsewhere": ast.parse(ELSEWHERE)}
@@ -95,11 +95,11 @@ def planted(annotation: str, doc: str, class_doc: str = "Values.") -> dict[str, 
     ],
 )
 def test_a_shape_is_looked_for_where_there_is_an_array(annotation, said):
-    assert without_shape(planted(annotation, said)) == (1, [])
-    assert without_shape(planted(annotation, "Some values.", said)) == (1, [])
-    (one,) = without_shape(planted(annotation, "Values (of a picture, or none)."))[1]
+    assert without_shape(plant_function(annotation, said)) == (1, [])
+    assert without_shape(plant_function(annotation, "Some values.", said)) == (1, [])
+    (one,) = without_shape(plant_function(annotation, "Values (of a picture, or none)."))[1]
     assert one.name == "C.f"
-    assert without_shape(planted("int | Literal['a b']", "Some.")) == (0, [])
+    assert without_shape(plant_function("int | Literal['a b']", "Some.")) == (0, [])
 
 
 RAISING = """

@@ -63,7 +63,7 @@ FILES = sorted(p for p in PACKAGE.rglob("*.py") if "_catalog" not in p.parts)
 
 
 @cache
-def imported(path: Path) -> set[str]:
+def imported_names(path: Path) -> set[str]:
     """Full names of everything a file imports, inside functions, too."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -85,7 +85,7 @@ def test_imports_point_one_way():
         if own == "__init__":
             continue
         assert own in LEVEL, f"{own} has no place in ROOMS"
-        for module in imported(path):
+        for module in imported_names(path):
             above = LEVEL.get(room(module), 0) if module.startswith("legoworld.") else 0
             if above > LEVEL[own]:
                 wrong.append(f"{path.relative_to(PACKAGE)} imports {module}")
@@ -165,7 +165,7 @@ def test_the_page_lists_the_rooms_as_they_are():
 
 def test_only_the_blender_corner_imports_bpy_and_only_targets_torch():
     for path in FILES:
-        tops = {name.split(".")[0] for name in imported(path)}
+        tops = {name.split(".")[0] for name in imported_names(path)}
         if path.relative_to(PACKAGE).as_posix() != "api/targets.py":  # where tensors are asked for
             assert "torch" not in tops, path
         if "blender" not in path.relative_to(PACKAGE).parts:
@@ -175,7 +175,7 @@ def test_only_the_blender_corner_imports_bpy_and_only_targets_torch():
 def test_the_blender_corner_is_only_named_across_the_process_border():
     for path in FILES:
         if "blender" not in path.relative_to(PACKAGE).parts:
-            named = [n for n in imported(path) if n.startswith("legoworld.scene.blender.")]
+            named = [n for n in imported_names(path) if n.startswith("legoworld.scene.blender.")]
             assert named == [], path
 
 

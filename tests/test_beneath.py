@@ -22,7 +22,7 @@ def opener(request, monkeypatch):
     monkeypatch.setattr(beneath, "has_openat2", lambda: request.param == "openat2")
 
 
-def listed(folder):
+def list_names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
@@ -91,7 +91,7 @@ def test_no_link_is_followed_on_the_way(inside, tmp_path, name):
     ):
         with pytest.raises(RefusedFileError, match="a link"):
             use()
-    assert listed(tmp_path / "outside") == ["secret"]
+    assert list_names(tmp_path / "outside") == ["secret"]
     assert not (tmp_path / "copy").exists()
 
 
@@ -163,7 +163,7 @@ def test_a_name_that_a_program_swaps_never_leads_out(inside, tmp_path):
                 except RefusedFileError:
                     outcomes.add("refused")
     assert outcomes == {"done", "refused"}
-    assert listed(tmp_path / "outside") == ["secret", OUTSIDE]
+    assert list_names(tmp_path / "outside") == ["secret", OUTSIDE]
     assert (tmp_path / "outside" / OUTSIDE).read_text() == "outside"
     assert read <= {None, b"chosen", b"inside"}
 

@@ -34,7 +34,7 @@ def test_warnings_of_arithmetic_do_not_reach_the_user(monkeypatch):
         assert [w.category for w in caught] == shown
 
 
-def named(value: object) -> str | None:
+def command_name(value: object) -> str | None:
     """A test's name from the words of its command."""
     return " ".join(value) if isinstance(value, list) else None
 
@@ -90,7 +90,7 @@ def test_the_reference_page_is_what_the_commands_say():
         (["evidence", "--root", "docs", "verify", "docs"], "--root"),
         (["baseline", "import", "x", "--weights", "y"], "--weights"),
     ],
-    ids=named,
+    ids=command_name,
 )
 def test_a_command_has_no_option_of_its_neighbours(words, refused, capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
@@ -182,7 +182,7 @@ def test_every_exit_code_has_its_meaning_on_the_reference_page():
         (["execute", "x.py"], False),
         ([], False),
     ],
-    ids=named,
+    ids=command_name,
 )
 def test_ctrl_c_promises_to_resume_only_where_the_command_does(
     command, resumes, monkeypatch, capsys
@@ -209,7 +209,7 @@ def test_ctrl_c_promises_to_resume_only_where_the_command_does(
         (["track", "make", "--space", "dept"], "depth"),
         (["readout", "--trak", "x"], "--track"),
     ],
-    ids=named,
+    ids=command_name,
 )
 def test_a_misspelt_word_is_refused_with_the_nearest(words, near, capsys):
     assert cli.run(words) == 2

@@ -40,7 +40,7 @@ PICTURE_MAX_BYTES = 150_000
 _CHECKED = (click.Choice, click.IntRange, click.FloatRange)
 
 
-def named(path: Path) -> str:
+def page_name(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
@@ -65,7 +65,7 @@ def commands(page: Path) -> list[list[str]]:
     ]
 
 
-def parsed(arguments: list[str]) -> None:
+def parse_command(arguments: list[str]) -> None:
     """Parse a command as the program would, short of opening what it names."""
     command, words = cli.main, list(arguments)
     context = click.Context(command, info_name="legoworld", **command.context_settings)
@@ -84,11 +84,11 @@ def parsed(arguments: list[str]) -> None:
             parameter.type_cast_value(context, value)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=named)
+@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=page_name)
 def test_every_command_of_a_page_exists_with_its_options(page):
     for arguments in commands(page):
         try:
-            parsed(arguments)
+            parse_command(arguments)
         except (click.UsageError, AssertionError) as error:
             pytest.fail(f"legoworld {shlex.join(arguments)}: {error}")
 
@@ -102,7 +102,7 @@ def test_the_check_of_commands_can_fail():
         ["baseline", "imports", "x.json"],
     ):
         with pytest.raises((click.UsageError, AssertionError)):
-            parsed(wrong)
+            parse_command(wrong)
 
 
 def test_the_tutorial_goes_through_every_step():
@@ -117,7 +117,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", text).strip().lower().replace(" ", "-") for text in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_every_relative_link_and_picture_exists(page):
     prose = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     for target in re.findall(r"\]\(([^)\s]+)\)", prose):
@@ -130,7 +130,7 @@ def test_every_relative_link_and_picture_exists(page):
             assert anchor in anchors(path), f"{target}: no such heading"
 
 
-@pytest.mark.parametrize("picture", sorted((DOCS / "pictures").iterdir()), ids=named)
+@pytest.mark.parametrize("picture", sorted((DOCS / "pictures").iterdir()), ids=page_name)
 def test_every_picture_is_used_and_small(picture):
     assert picture.stat().st_size < PICTURE_MAX_BYTES
     texts = [page.read_text(encoding="utf-8") for page in PAGES]
@@ -204,7 +204,7 @@ def build(programs: dict[Path, str]) -> None:
 
 @pytest.mark.blender
 def test_the_tutorial_runs_as_a_stranger_runs_it_and_its_numbers_are_its_own(tmp_path):
-    assert stranger.unmarked(TUTORIAL) == 0
+    assert stranger.count_unmarked(TUTORIAL) == 0
     stranger.run_page(TUTORIAL, tmp_path / "tutorial")
     text = TUTORIAL.read_text(encoding="utf-8")
     for row, column, folder in (("COCO box AP", 0, "first"), ("COCO box AP", 1, "boxes"),
@@ -231,7 +231,7 @@ def test_a_page_that_fails_or_prints_something_else_is_found(tmp_path):
             with pytest.raises(AssertionError):
                 stranger.run_page(page, tmp_path / f"bad{number}")
     page.write_text("```sh\nlegoworld doctor\n```\n")
-    assert stranger.unmarked(page) == 1
+    assert stranger.count_unmarked(page) == 1
 
 
 def label_examples() -> tuple[dict[str, str], list[tuple[str, str | None, str]]]:

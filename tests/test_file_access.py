@@ -45,11 +45,11 @@ ALLOWED: dict[str, dict[str, str]] = {
     "agents/agent_process.py": {
         "(home / name).parent.mkdir": BEFORE, "(home / name).symlink_to": BEFORE,
         "(home_folder() / name).is_file": OURS, "(scratch / 'sandbox').mkdir": BEFORE,
-        "order.unfinished.session.is_dir": BEFORE, "order.unfinished.session.rename": BEFORE,
+        "order.trial.session.is_dir": BEFORE, "order.trial.session.rename": BEFORE,
         "shutil.copyfile": BEFORE, "shutil.which": OURS, "steps.write_text": BEFORE,
     },
     "agents/unfinished_trial.py": {
-        "(folder / _LOCK).open": OURS, "(unfinished.folder / BEGUN).unlink": OURS,
+        "(folder / _LOCK).open": OURS, "(trial.folder / BEGUN).unlink": OURS,
         "folder.mkdir": OURS, "path.is_dir": OURS, "path.is_symlink": OURS, "path.mkdir": OURS,
         "path.read_bytes": OURS, "path.unlink": OURS, "remove_folder": REMOVED,
         "scenes.mkdir": OURS, "self.folder.iterdir": OURS, "self.scene_folder.iterdir": OURS,

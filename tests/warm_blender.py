@@ -65,7 +65,7 @@ class HandedOn:
                 self._idle.remove(fitting)
         if fitting is not None:
             fitting.owners += 1
-            owner._process, owner._home, owner._served = fitting.process, fitting.home, 0
+            owner._process, owner._home, owner._n_requests = fitting.process, fitting.home, 0
             self._owned[id(fitting.process)] = fitting
 
     def note(self, owner: BlenderProcess) -> None:

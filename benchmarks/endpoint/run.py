@@ -67,7 +67,7 @@ def session(folder: Path) -> Session:
             workspace=folder / "workspace",
             record=folder / "record",
             limits=limits,
-            held=protections("auto"),
+            protections=protections("auto"),
         )
     )
 

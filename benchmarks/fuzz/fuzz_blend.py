@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from conftest import _PRELUDE as PRELUDE
 from conftest import REAL_DATA
-from scene.foreign.sandbox import Outcome, Planned, disagreements, faults, lay_out, read_out, whole
+from scene.foreign.sandbox import Outcome, Planned, disagreements, faults, intact, lay_out, read_out
 from scene.foreign.sources import PROGRAM, sources
 
 
@@ -116,7 +116,7 @@ def _print_read(planned: list[Planned], outcome: Outcome) -> None:
     """The damaged files that were read: as if they were whole, or with other content."""
     same, other = 0, []
     for plan in planned:
-        row, good = outcome.rows.get(plan.name, {}), outcome.rows.get(whole(plan.source), {})
+        row, good = outcome.rows.get(plan.name, {}), outcome.rows.get(intact(plan.source), {})
         if plan.kind is not None and row.get("status") == "ok":
             same += row["snapshot_sha256"] == good["snapshot_sha256"]
             if row["snapshot_sha256"] != good["snapshot_sha256"]:

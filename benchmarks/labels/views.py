@@ -116,7 +116,7 @@ def flat_world(
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
     """Vertices in the world, triangles, and the instance of each triangle."""
     inspection = scene.view(task=TASK, size_wh=(4, 4))._inspection
-    snapshot, grouping = scene._opened.scene.snapshot, inspection.grouping
+    snapshot, grouping = scene._open_scene.scene.snapshot, inspection.grouping
     points, faces, owners, offset = [], [], [], 0
     for surface, mesh in enumerate(snapshot.surface_mesh.tolist()):
         v = snapshot.vertices[snapshot.vertex_start[mesh] : snapshot.vertex_start[mesh + 1]]
@@ -244,7 +244,7 @@ def run_case(name: str, counts: list[int], args: argparse.Namespace) -> None:
         for view in scene.views(some, task=TASK, workers=1):
             view.masks(), view.boxes_xywh_px(), view.depth_z_m
 
-    triangles = scene._opened.scene.snapshot.n_triangles
+    triangles = scene._open_scene.scene.snapshot.n_triangles
     print(f"\n{name}: {triangles:,} triangles, {len(cameras)} cameras")
     ms = float("nan")
     for count in counts:

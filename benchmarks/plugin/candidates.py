@@ -76,7 +76,7 @@ def main() -> None:
                 random = np.random.default_rng(seed)
                 amount = 0.3 if chosen.alike else float(random.uniform(0.05, 0.6))
                 copy = candidate(study, random, amount)
-                fit = region_fit(LiveScene(shown=copy, state=study.scene.state), study.evidence)
+                fit = region_fit(LiveScene(reading=copy, state=study.scene.state), study.evidence)
                 kept = sum(r.verdict == "pass" for r in report_of(study, copy).results)
                 rows.append((r_of(study, copy), float(np.mean(list(fit.values()))), float(kept)))
             per_case.append(rows)

@@ -176,7 +176,7 @@ def r_of(study: StudyCase, snapshot: Snapshot) -> float:
 
 def report_of(study: StudyCase, snapshot: Snapshot) -> Report:
     """What the plugin says of a copy."""
-    scene = LiveScene(shown=snapshot, state=study.scene.state)
+    scene = LiveScene(reading=snapshot, state=study.scene.state)
     return measure(scene, study.requirements, study.evidence)
 
 

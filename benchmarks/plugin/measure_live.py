@@ -154,7 +154,7 @@ def measured(n: int, repeat: int, folder: Path) -> None:
             workspace=folder / "workspace",
             record=folder / "record",
             limits=SandboxLimits(time_s=3600, memory_bytes=8 << 30),
-            held=protections("auto"),
+            protections=protections("auto"),
         )
     )
     stages = Stages()

@@ -70,7 +70,7 @@ def scene_of(parts: dict[str, list[F64]], pose: Pose) -> LiveScene:
         world_from_mesh=np.tile(np.eye(3, 4), (n_boxes, 1, 1)),
     )  # fmt: skip
     state = scene_state(shot, "0" * 64, (), None, _HASHES)
-    return LiveScene(shown=shot, state=state)
+    return LiveScene(reading=shot, state=state)
 
 
 def measure_in_picture(scene: LiveScene, requirements: list[Requirement]) -> tuple[Result, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
-from readouts.cubes import seen  # pyright: ignore[reportMissingImports]
+from readouts.cubes import view_of  # pyright: ignore[reportMissingImports]
 
 from legoworld.evaluation.relations.questions import make_questions
 from legoworld.readouts.relation_facts import relation_facts
@@ -31,7 +31,7 @@ def main() -> int:
     parser.add_argument("--objects", type=int, default=100)
     parser.add_argument("--rounds", type=int, default=31)
     args = parser.parse_args()
-    view, instances = seen(*_placed(args.objects), size=(640, 480))
+    view, instances = view_of(*_placed(args.objects), size=(640, 480))
     facts = relation_facts(view, instances)
     given = (view.surfaces, view.projection, view.size_wh)
     layers = _cpu_ms(lambda: occluders(amodal_layers(*given, threads=1)), args.rounds)

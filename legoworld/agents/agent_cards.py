@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import shutil
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from legoworld.agents.mcp_server import server_problems
 from legoworld.cards import read_toml
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import home_folder, sha256_of_file
+from legoworld.pluralize import nearest_names
 from legoworld.records.agents import AgentCardFile
 
 _CARDS: Final = Path(__file__).with_name("cards")
@@ -73,7 +73,7 @@ def load_agent(name: str) -> AgentCard:
     if path.is_file():
         return read_agent_card(path)
     names = sorted(p.stem for p in _CARDS.glob("*.toml"))
-    near = difflib.get_close_matches(name, names, n=3)
+    near = nearest_names(name, names)
     raise UsageError(
         "there is no such agent",
         found=repr(name),

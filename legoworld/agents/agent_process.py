@@ -49,10 +49,10 @@ class Order:
     plugin_port: int | None
     steps: str | None
     model: str | None
-    held: Protections
+    protections: Protections
     limits: SandboxLimits
     continues: bool
-    unfinished: UnfinishedTrial
+    trial: UnfinishedTrial
     watch: BudgetWatch
 
 
@@ -62,18 +62,18 @@ def run_agent(order: Order, stop: Stop) -> Ending:
     Should legoworld be killed, the keeper removes the agent's folder; of a trial that continues
     its home alone, where its login is.
     """
-    about, scratch = order.card.about, order.unfinished.agent
+    about, scratch = order.card.about, order.trial.agent
     home = scratch / "sandbox" / "home"
     (scratch / "sandbox").mkdir()
     variables = _declared_variables(order)
     with Sandbox(
         scratch / "sandbox",
         order.limits,
-        order.held,
-        owner=home if order.unfinished.stays else scratch,
+        order.protections,
+        owner=home if order.trial.stays else scratch,
         workspace=order.workspace.folder,
         variables=variables,
-        lease=order.unfinished.lease,
+        lease=order.trial.lease,
     ) as sandbox:
         words = _words(order, str(sandbox.path_inside("home")), str(sandbox.path_inside("output")))
         sandbox.add_variables(
@@ -99,7 +99,7 @@ def run_agent(order: Order, stop: Stop) -> Ending:
         sandbox.start([*_KEEPING, kept, program, *command[1:]], exposed_paths(order.card))
         with stop.ends(sandbox.stop), order.watch.ends(sandbox.stop):
             ending = sandbox.wait()
-        order.unfinished.take_transcript(output_name(order.card))
+        order.trial.take_transcript(output_name(order.card))
     return ending
 
 
@@ -124,9 +124,9 @@ def output_name(card: AgentCard) -> str:
 
 def _open_session(order: Order, home: Path, seen: str) -> None:
     """Let the agent find, and keep, what it continues from: outside of its home, which goes."""
-    output = order.unfinished.agent / "sandbox" / "output"
-    if order.unfinished.session.is_dir():
-        order.unfinished.session.rename(output / "session")
+    output = order.trial.agent / "sandbox" / "output"
+    if order.trial.session.is_dir():
+        order.trial.session.rename(output / "session")
     for name in order.card.about.session_folders:
         with Beneath(output) as inside:  # of this part, with what an earlier one left in it
             inside.make_folder(f"session/{name}")

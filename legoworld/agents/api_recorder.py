@@ -96,7 +96,7 @@ class ApiRecorder:
             raise
         pieces = self._pieces(replace(row, status=answer.status_code), answer)
         response: Response
-        if _streamed(answer):
+        if _is_stream(answer):
             response = StreamingResponse(pieces, answer.status_code)
         else:  # read to its end even where its client has left: its tokens are used
             response = Response(b"".join([piece async for piece in pieces]), answer.status_code)
@@ -124,7 +124,7 @@ class ApiRecorder:
 
     async def _pieces(self, row: ApiRequest, answer: httpx2.Response) -> AsyncIterator[bytes]:
         """The answer's bytes, decoded, and read on the way."""
-        reader = AnswerReader(row.wire, streamed=_streamed(answer)) if row.wire else None
+        reader = AnswerReader(row.wire, streamed=_is_stream(answer)) if row.wire else None
         how: RequestEnd = "cut"
         try:
             async for piece in answer.aiter_bytes():
@@ -164,7 +164,7 @@ def open_client() -> httpx2.AsyncClient:
         ) from error
 
 
-def _streamed(answer: httpx2.Response) -> bool:
+def _is_stream(answer: httpx2.Response) -> bool:
     return str(answer.headers.get("content-type")).startswith("text/event-stream")
 
 

@@ -46,16 +46,16 @@ class AnswerReader:
 
     def __init__(self, wire: Wire, *, streamed: bool) -> None:
         self._wire: Wire = wire
-        self._streamed = streamed
-        self._rest = b""
+        self._is_stream = streamed
+        self._partial_line = b""
         self._usage: dict[str, Any] = {}
         self.model: str | None = None
 
     def feed(self, data: bytes) -> None:
         """Take the next bytes."""
-        self._rest += data
-        if self._streamed:
-            *lines, self._rest = self._rest.split(b"\n")
+        self._partial_line += data
+        if self._is_stream:
+            *lines, self._partial_line = self._partial_line.split(b"\n")
             for line in lines:
                 self._note(line.removeprefix(b"data:"))
 
@@ -64,8 +64,8 @@ class AnswerReader:
 
         whole: whether the answer came to its end; of a cut one the completion is not known.
         """
-        if whole and not self._streamed:
-            self._note(self._rest)
+        if whole and not self._is_stream:
+            self._note(self._partial_line)
         prompt, cached, completion = (self._sum(names.split()) for names in _SUMS[self._wire])
         return prompt, None if prompt is None else cached or 0, completion if whole else None
 

@@ -111,9 +111,9 @@ class BudgetWatch:
         self, budget: Budget, refused: Callable[[], bool], usage: Callable[[], Usage]
     ) -> None:
         self.over: OverBudget | None = None
-        self._budget, self._refused, self._usage = budget, refused, usage
-        self._done = threading.Event()
-        self._failed: Exception | None = None
+        self._budget, self._has_refusals, self._usage = budget, refused, usage
+        self._end_event = threading.Event()
+        self._error: Exception | None = None
 
     @contextmanager
     def ends(self, end: Callable[[], None]) -> Iterator[None]:
@@ -126,33 +126,33 @@ class BudgetWatch:
         try:
             yield
         finally:
-            self._done.set()
+            self._end_event.set()
             looking.join()
-        if self._failed is not None:
+        if self._error is not None:
             raise BudgetNotWatchedError(
                 "the budget cannot be watched, and the agent was ended",
-                found=f"{type(self._failed).__name__}: {cause(self._failed)}",
+                found=f"{type(self._error).__name__}: {cause(self._error)}",
                 expected="a readable transcript, or rows of recorded requests",
                 next_step="run the command again to resume; without --max-tokens and --max-cost "
                 "nothing is watched",
-            ) from self._failed
+            ) from self._error
 
     def _look(self, end: Callable[[], None]) -> None:
         pause = _LOOK_EVERY_S
-        while self._budget != UNLIMITED and not self._done.wait(pause):
+        while self._budget != UNLIMITED and not self._end_event.wait(pause):
             began = time.thread_time()
             try:
-                self.over = self._spent()
+                self.over = self._exceeded_limit()
             except Exception as error:  # noqa: BLE001  raised by `ends`, in the trial's thread
-                self._failed = error
-            if self.over is not None or self._failed is not None:
+                self._error = error
+            if self.over is not None or self._error is not None:
                 end()
                 return
             # Reading a long transcript takes time: at most a twentieth of it.
             pause = max(_LOOK_EVERY_S, 20 * (time.thread_time() - began))
 
-    def _spent(self) -> OverBudget | None:
-        if self._refused():
+    def _exceeded_limit(self) -> OverBudget | None:
+        if self._has_refusals():
             return "calls"
         tokens, cost_usd = self._budget.tokens, self._budget.cost_usd
         used = self._usage() if tokens or cost_usd else Usage()

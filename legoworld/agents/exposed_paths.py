@@ -54,10 +54,10 @@ def _of_card(card: AgentCard) -> list[Path]:
 
 
 def refuse_exposed(card: AgentCard, kept: Sequence[Path]) -> None:
-    """UsageError where an agent would be shown what it may not see.
+    """Raise UsageError if an agent's sandbox would expose withheld files.
 
-    kept: the track, the photos and what is made of them. Nothing that holds one of these is shown,
-    nor what the card brings from below one, nor a home folder or the root.
+    kept: the track, the photos and everything made from them. Exposed paths must not contain one;
+    those of the card must not lie below one either, nor contain a home folder.
     """
     own = [path.resolve() for path in _of_card(card)]
     places = [path.resolve() for path in kept]
@@ -75,7 +75,7 @@ def refuse_exposed(card: AgentCard, kept: Sequence[Path]) -> None:
             )
 
 
-def version_in_sandbox(card: AgentCard, held: Protections) -> str | None:
+def version_in_sandbox(card: AgentCard, protections: Protections) -> str | None:
     """Version that an agent prints in its sandbox; None if its card has no version command.
 
     AgentNotStartedError where it does not end well there.
@@ -86,7 +86,7 @@ def version_in_sandbox(card: AgentCard, held: Protections) -> str | None:
         return None
     with (
         scratch_folder("legoworld-agent-") as scratch,
-        Sandbox(scratch, _VERSION_LIMITS, held, owner=scratch) as sandbox,
+        Sandbox(scratch, _VERSION_LIMITS, protections, owner=scratch) as sandbox,
     ):
         sandbox.start([str(_absolute(program)), *command[1:]], exposed_paths(card))
         ending = sandbox.wait()

@@ -23,14 +23,14 @@ _NO_BLENDER: Final = 9
 _MOST_BYTES: Final = 4 << 20
 
 
-def offered_tools(card: AgentCard, held: Protections) -> list[str]:
+def offered_tools(card: AgentCard, protections: Protections) -> list[str]:
     """The tools that mcp-for-blender names after `initialize` and `tools/list`.
 
     The client is the one of `program`, without a step. AgentNotStartedError where they fail.
     """
     with (
         scratch_folder("legoworld-handshake-") as scratch,
-        Sandbox(scratch, _LIMITS, held, owner=scratch) as sandbox,
+        Sandbox(scratch, _LIMITS, protections, owner=scratch) as sandbox,
     ):
         inside, output = sandbox.path_inside("output"), scratch / "output"
         server = blender_server(_NO_BLENDER, inside)

@@ -108,7 +108,7 @@ def write_configuration(path: Path, mcp: AgentMcp, servers: Sequence[McpServer])
     """Write the file that tells an agent how to start its servers, with the card's settings."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if mcp.format == "codex":  # https://developers.openai.com/codex/mcp; a JSON text is a TOML one
-        settings = "".join(f"{key} = {text}\n" for key, text in _dotted(mcp.settings))
+        settings = "".join(f"{key} = {text}\n" for key, text in _dotted_lines(mcp.settings))
         text = "\n".join([settings, *(_codex(server) for server in servers)])
         write_text(path, text.lstrip())
         return
@@ -133,12 +133,12 @@ def write_configuration(path: Path, mcp: AgentMcp, servers: Sequence[McpServer])
     write_text(path, readable_json({**mcp.settings, **ours}))
 
 
-def _dotted(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+def _dotted_lines(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
     """A table's lines in TOML: keys from the top, so that none of them opens a table."""
     for key, value in settings.items():
         name = f"{above}{json.dumps(key)}"
         if isinstance(value, dict):
-            yield from _dotted(value, f"{name}.")
+            yield from _dotted_lines(value, f"{name}.")
         else:
             yield name, json.dumps(value)
 

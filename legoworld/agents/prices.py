@@ -72,7 +72,7 @@ def compute_usage(trajectory: AtifTrajectory, model: str | None, prices: PriceCa
     if not isinstance(total, AtifFinalMetrics) or _names_another(trajectory, model):
         return usage
     counts = (total.total_prompt_tokens, total.total_cached_tokens, total.total_completion_tokens)
-    return _priced(usage, prices, [(model, *counts)])
+    return _add_cost(usage, prices, [(model, *counts)])
 
 
 def recorded_usage(requests: Sequence[ApiRequest], prices: PriceCard, stated: Usage) -> Usage:
@@ -91,7 +91,7 @@ def recorded_usage(requests: Sequence[ApiRequest], prices: PriceCard, stated: Us
         requests=len(requests),
         uncounted=sum(row.uncounted for row in requests),
     )
-    return _priced(
+    return _add_cost(
         usage, prices,
         [(r.model, r.prompt_tokens, r.cached_tokens, r.completion_tokens) for r in spent],
     )  # fmt: skip
@@ -106,7 +106,7 @@ def least_cost_usd(requests: Sequence[ApiRequest], prices: PriceCard) -> float:
     )
 
 
-def _priced(
+def _add_cost(
     usage: Usage, prices: PriceCard, uses: Sequence[tuple[str | None, _Count, _Count, _Count]]
 ) -> Usage:
     """The usage with the cost of what each model used, if the card and the counts have it all."""

@@ -78,7 +78,7 @@ def make_trials(
         listener.total(len(items))
         for row in kept:
             listener.trial(row)
-        job = Job(make=partial(_Trials, plan), lost=_lost_row)
+        job = Job(make=partial(_Trials, plan), lost_result=_lost_row)
         rows = list(kept)
         if todo:
             with closing(ENGINES[engine](job, todo, workers)) as made:

@@ -21,7 +21,7 @@ def check_recordable(card: AgentCard) -> None:
         raise UsageError(
             f"the agent {card.name} cannot be recorded",
             found=f"no [record] in {card.path.name}",
-            expected="a card that says where its API is, and how its agent is sent elsewhere",
+            expected="a card with the API's address and the settings that redirect its agent",
             next_step="leave out --record, or add the table; docs/agents.md",
         )
     needed = ("httpx2", "starlette", "uvicorn")
@@ -36,30 +36,30 @@ def sent_to(card: AgentCard, url: str) -> AgentCard:
     about, record = card.about, card.about.record
     if record is None:
         return card
-    given = {key: _filled(value, url) for key, value in record.settings.items()}
+    given = {key: _insert_url(value, url) for key, value in record.settings.items()}
     told = {key: text.replace("{api}", url) for key, text in record.variables.items()}
     return AgentCard(
         about=replace(
             about,
             variables={**about.variables, **told},
-            mcp=replace(about.mcp, settings=_joined(about.mcp.settings, given)),
+            mcp=replace(about.mcp, settings=_merge_tables(about.mcp.settings, given)),
         ),
         path=card.path,
         sha256=card.sha256,
     )
 
 
-def _filled(value: Json, url: str) -> Json:
+def _insert_url(value: Json, url: str) -> Json:
     if isinstance(value, dict):
-        return {key: _filled(item, url) for key, item in value.items()}
+        return {key: _insert_url(item, url) for key, item in value.items()}
     return value.replace("{api}", url) if isinstance(value, str) else value
 
 
-def _joined(below: Mapping[str, Json], above: Mapping[str, Json]) -> dict[str, Json]:
+def _merge_tables(below: Mapping[str, Json], above: Mapping[str, Json]) -> dict[str, Json]:
     """Both tables; where both have a value, the second's."""
     joined = {**below, **above}
     for key in below.keys() & above.keys():
         old, new = below[key], above[key]
         if isinstance(old, dict) and isinstance(new, dict):
-            joined[key] = _joined(old, new)
+            joined[key] = _merge_tables(old, new)
     return joined

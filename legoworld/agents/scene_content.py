@@ -42,7 +42,7 @@ def content_sentence(content: SceneContent) -> str:
     if content.labelled:
         count = sum(content.categories.values())
         objects = f"{share(count, content.objects, 'object', 'objects')} labelled"
-        objects += _listed(content.categories)
+        objects += _list_counts(content.categories)
         if content.outside_vocabulary:
             names = sorted(content.outside_vocabulary)
             listed = first_few([repr(name) for name in names], _SHOWN)
@@ -50,7 +50,7 @@ def content_sentence(content: SceneContent) -> str:
     return f"{objects}; {content.camera} camera"
 
 
-def _listed(counts: dict[str, int]) -> str:
+def _list_counts(counts: dict[str, int]) -> str:
     if not counts:
         return ""
     most = sorted(counts.items(), key=lambda one: (-one[1], one[0]))

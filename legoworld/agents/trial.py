@@ -54,7 +54,7 @@ class NoPhotoError(LegoWorldError):
 def run_trial(
     plan: TrialPlan,
     image: TrackImage,
-    unfinished: UnfinishedTrial,
+    trial: UnfinishedTrial,
     blender: BlenderProcess,
     stop: Stop,
 ) -> ReconstructionFile:
@@ -63,51 +63,51 @@ def run_trial(
     LegoWorldError where the trial cannot begin, and where it is stopped.
     """
     begun = time.monotonic()
-    workspace, parts = _open_workspace(plan, image, unfinished)
-    ended, record = unfinished.read_ended(), TrialRecord(unfinished.scene_folder / TRIAL)
+    workspace, parts = _open_workspace(plan, image, trial)
+    ended, record = (trial.read_ended(), TrialRecord(trial.scene_folder / TRIAL))
     if ended is None:
-        ended, record = _agent_part(plan, image, unfinished, workspace, len(parts) > 1, stop)
+        ended, record = _agent_part(plan, image, trial, workspace, len(parts) > 1, stop)
         stop.check()
-        unfinished.note_ended(ended)
+        trial.note_ended(ended)
     finalised = finalise(
         record,
-        unfinished.scene_folder,
+        trial.scene_folder,
         workspace=workspace.folder,
         limits=plan.limits,
-        held=plan.blender_held,
+        protections=plan.blender_held,
         blender=blender,
     )
     outcome = TrialOutcome(
-        ended=ended,
+        ended_agent=ended,
         record=record,
-        finalised=finalised,
-        trajectory=_trajectory(plan, unfinished, workspace, record, parts),
+        finalisation=finalised,
+        trajectory=_trajectory(plan, trial, workspace, record, parts),
         seconds=time.monotonic() - begun,
         continued=len(parts) - 1,
     )
     stop.check()
-    return write_result(plan, image, unfinished.scene_folder, outcome, blender)
+    return write_result(plan, image, trial.scene_folder, outcome, blender)
 
 
 def _open_workspace(
-    plan: TrialPlan, image: TrackImage, unfinished: UnfinishedTrial
+    plan: TrialPlan, image: TrackImage, trial: UnfinishedTrial
 ) -> tuple[Workspace, tuple[int, ...]]:
     """The new or resumed workspace, and the numbers of the trial's parts, this one last."""
-    before, limit_s = unfinished.read_begun(), plan.limits.time_s
-    if before is None or not unfinished.scene_folder.is_dir():
-        unfinished.clear()
-        made = make_workspace(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
+    before, limit_s = trial.read_begun(), plan.limits.time_s
+    if before is None or not trial.scene_folder.is_dir():
+        trial.clear()
+        made = make_workspace(plan.work, image, trial.workspace, time_limit_s=limit_s)
         if made is None:
             raise _no_photo(plan, image)
-        unfinished.note_begun(identity(plan, image, (0,)))
+        trial.note_begun(identity(plan, image, (0,)))
         return made, (0,)
-    unfinished.keep_trial_alone()
+    trial.keep_trial_alone()
     parts = before.parts
-    if unfinished.read_ended() is None:
-        unfinished.put_part_aside(output_name(plan.card))
-        parts = (*parts, len(TrialRecord(unfinished.scene_folder / TRIAL).calls))
-        unfinished.note_begun(identity(plan, image, parts))
-    workspace = plan_workspace(plan.work, image, unfinished.workspace, time_limit_s=limit_s)
+    if trial.read_ended() is None:
+        trial.put_part_aside(output_name(plan.card))
+        parts = (*parts, len(TrialRecord(trial.scene_folder / TRIAL).calls))
+        trial.note_begun(identity(plan, image, parts))
+    workspace = plan_workspace(plan.work, image, trial.workspace, time_limit_s=limit_s)
     if workspace is None:
         raise _no_photo(plan, image)
     return workspace, parts
@@ -124,7 +124,7 @@ def _no_photo(plan: TrialPlan, image: TrackImage) -> NoPhotoError:
 def _agent_part(
     plan: TrialPlan,
     image: TrackImage,
-    unfinished: UnfinishedTrial,
+    unfinished_trial: UnfinishedTrial,
     workspace: Workspace,
     continues: bool,
     stop: Stop,
@@ -133,16 +133,16 @@ def _agent_part(
     steps: list[RecordedStep] | None = None
     trial = Trial(
         workspace=workspace.folder,
-        record=unfinished.scene_folder / TRIAL,
+        record=unfinished_trial.scene_folder / TRIAL,
         limits=plan.limits,
-        held=plan.blender_held,
-        lease=unfinished.lease,
+        protections=plan.blender_held,
+        lease=unfinished_trial.lease,
         calls=plan.budget.calls,
     )
     with (
         closing(Session(trial)) as session,
         EndpointServer(session, 0) as server,
-        _plugin(plan, image, session, unfinished.scene_folder) as plugin_port,
+        _plugin(plan, image, session, unfinished_trial.scene_folder) as plugin_port,
     ):
         record = session.record
         record.drop_unanswered()
@@ -152,15 +152,15 @@ def _agent_part(
         if left_s <= 0:
             return EndedAgent(code=None, over="time", last_output="", seconds=used_s), record
         session.start()
-        unfinished.agent.mkdir()
+        unfinished_trial.agent.mkdir()
         watch = BudgetWatch(
             plan.budget,
             refused=lambda: session.over_calls,
-            usage=lambda: _usage_so_far(plan, unfinished),
+            usage=lambda: _usage_so_far(plan, unfinished_trial),
         )
         session.restart_clock(used_s)  # Blender's start is not in the agent's budget
         started = time.monotonic()
-        with _recorded(plan, unfinished, used_s) as card:
+        with _recorder_card(plan, unfinished_trial, used_s) as card:
             order = Order(
                 card=card,
                 workspace=workspace,
@@ -168,10 +168,10 @@ def _agent_part(
                 plugin_port=plugin_port,
                 steps=None if steps is None else encode_steps(steps),
                 model=plan.model,
-                held=plan.agent_held,
+                protections=plan.agent_held,
                 limits=replace(plan.limits, time_s=left_s),
                 continues=continues,
-                unfinished=unfinished,
+                trial=unfinished_trial,
                 watch=watch,
             )
             ending = run_agent(order, stop)
@@ -182,14 +182,14 @@ def _agent_part(
     return EndedAgent(code=code, over=over, last_output=said, seconds=seconds), record
 
 
-def _usage_so_far(plan: TrialPlan, unfinished: UnfinishedTrial) -> Usage:
+def _usage_so_far(plan: TrialPlan, trial: UnfinishedTrial) -> Usage:
     """What the agent has used, by its recorded requests or its transcript, as far as there are."""
-    unfinished.take_transcript(output_name(plan.card))
+    trial.take_transcript(output_name(plan.card))
     kind = plan.card.about.transcript.format
-    stated = read_usage(unfinished.transcripts(), kind, plan.model, plan.prices)
+    stated = read_usage(trial.transcripts(), kind, plan.model, plan.prices)
     if not plan.record:
         return stated
-    rows = read_rows(unfinished.scene_folder / TRIAL / REQUESTS, ApiRequest)
+    rows = read_rows(trial.scene_folder / TRIAL / REQUESTS, ApiRequest)
     return recorded_so_far(rows, stated, plan.prices)
 
 
@@ -209,7 +209,7 @@ def _plugin(
 
 
 @contextmanager
-def _recorded(plan: TrialPlan, unfinished: UnfinishedTrial, used_s: float) -> Iterator[AgentCard]:
+def _recorder_card(plan: TrialPlan, trial: UnfinishedTrial, used_s: float) -> Iterator[AgentCard]:
     """The card whose agent is sent to the trial's recorder; as it is without one."""
     api = plan.card.about.record
     if not plan.record or api is None:
@@ -217,14 +217,14 @@ def _recorded(plan: TrialPlan, unfinished: UnfinishedTrial, used_s: float) -> It
         return
     from legoworld.agents.api_recorder import ApiRecorder  # an extra
 
-    rows = unfinished.scene_folder / TRIAL / REQUESTS
+    rows = trial.scene_folder / TRIAL / REQUESTS
     with ApiRecorder(api.api, rows, used_s=used_s) as recorder:
         yield sent_to(plan.card, recorder.url)
 
 
 def _trajectory(
     plan: TrialPlan,
-    unfinished: UnfinishedTrial,
+    trial: UnfinishedTrial,
     workspace: Workspace,
     record: TrialRecord,
     parts: tuple[int, ...],
@@ -232,14 +232,14 @@ def _trajectory(
     """The transcripts of the agent's parts as one document, with the calls that its steps made."""
     read = []
     bounds = itertools.pairwise((*parts, len(record.calls)))
-    for path, (begin, end) in zip(unfinished.transcripts(), bounds, strict=True):
+    for path, (begin, end) in zip(trial.transcripts(), bounds, strict=True):
         part = read_transcript(
             path,
             plan.card.about.transcript.format,
             agent=plan.card.name,
             version=plan.agent_version or plan.card.about.version,
             prompt=workspace.prompt,
-            scene_folder=unfinished.scene_folder,
+            scene_folder=trial.scene_folder,
         )
         read.append(add_calls(part, record.calls[begin:end]))
     return join_trajectories(read)

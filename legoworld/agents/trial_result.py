@@ -43,9 +43,9 @@ _SAID_AT_END: Final = 200
 class TrialOutcome:
     """The outcome of a trial. seconds: wall time of this part; continued: after how many kills."""
 
-    ended: EndedAgent
+    ended_agent: EndedAgent
     record: TrialRecord
-    finalised: Finalisation
+    finalisation: Finalisation
     trajectory: AtifTrajectory
     seconds: float
     continued: int
@@ -76,7 +76,7 @@ def _result(
     outcome: TrialOutcome,
     requests: Sequence[ApiRequest] | None,
 ) -> ReconstructionFile:
-    ended, record, trajectory = outcome.ended, outcome.record, outcome.trajectory
+    ended, record, trajectory = outcome.ended_agent, outcome.record, outcome.trajectory
     status, reason = _status(outcome, requests)
     models = Counter(r.model for r in requests or () if r.model is not None)
     model = _model(trajectory) or plan.model or next(iter(dict(models.most_common(1))), None)
@@ -107,7 +107,7 @@ def _result(
         failed_calls=sum(call.status != "success" for call in calls),
         checkpoints=len(record.checkpoints),
         usage=usage,
-        finalisation=outcome.finalised,
+        finalisation=outcome.finalisation,
         agent_sandbox=plan.agent_held.record(),
         blender_sandbox=plan.blender_held.record(),
         continued=outcome.continued,
@@ -117,7 +117,7 @@ def _result(
 
 def _status(outcome: TrialOutcome, requests: Sequence[ApiRequest] | None) -> tuple[Outcome, str]:
     """The status of a trial: a scene counts, however its agent ended."""
-    ending, record, finalised = outcome.ended, outcome.record, outcome.finalised
+    ending, record, finalised = outcome.ended_agent, outcome.record, outcome.finalisation
     how = f"exit code {ending.code}" if ending.over is None else f"ended at its {ending.over} limit"
     last = one_line(ending.last_output[-_SAID_AT_END:], _SAID_AT_END)
     if finalised.source != "none":

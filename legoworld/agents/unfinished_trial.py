@@ -84,13 +84,13 @@ class UnfinishedTrial:
         """How the agent ended; None if it has not ended."""
         return _read(self.folder / "ended.json", EndedAgent)
 
-    def note_begun(self, begun: BegunTrial) -> None:
+    def note_begun(self, begun_trial: BegunTrial) -> None:
         """Keep whose trial it is."""
-        write_text(self.folder / BEGUN, readable(begun))
+        write_text(self.folder / BEGUN, readable(begun_trial))
 
-    def note_ended(self, ended: EndedAgent) -> None:
+    def note_ended(self, ended_agent: EndedAgent) -> None:
         """Keep how the agent ended."""
-        write_text(self.folder / "ended.json", readable(ended))
+        write_text(self.folder / "ended.json", readable(ended_agent))
 
     def clear(self) -> None:
         """Delete everything: no trial was started here."""
@@ -167,9 +167,9 @@ def unfinished_folder(scenes: Path, image: TrackImage) -> Path:
     return scenes / f"{_UNFINISHED}{image.id}"
 
 
-def mark_finished(unfinished: UnfinishedTrial) -> None:
+def mark_finished(trial: UnfinishedTrial) -> None:
     """Mark the scene folder as published, so that the leftovers can be deleted."""
-    (unfinished.folder / BEGUN).unlink(missing_ok=True)
+    (trial.folder / BEGUN).unlink(missing_ok=True)
 
 
 def remove_finished(scenes: Path, image: TrackImage) -> None:

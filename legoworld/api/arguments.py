@@ -114,11 +114,11 @@ def _check_clip(value: object) -> str | None:
 
 
 def _check_pair(check: _Check, expected: str) -> _Check:
-    def both(value: object) -> str | None:
+    def check_both(value: object) -> str | None:
         fine = isinstance(value, tuple | list) and len(value) == 2
         return None if fine and not any(map(check, cast("list[Any]", value))) else expected
 
-    return both
+    return check_both
 
 
 def _check_each(check: _Check, expected: str) -> _Check:
@@ -161,13 +161,13 @@ def _task(value: object) -> str | None:
 def _by_task(check: _Check, expected: str) -> _Check:
     """A value, or a mapping of values by the names of tasks."""
 
-    def each(value: object) -> str | None:
+    def check_each(value: object) -> str | None:
         if not isinstance(value, Mapping):
             return check(value)
         named = bool(value) and all(isinstance(task, str) for task in value)
         return next(filter(None, map(check, value.values())), None) if named else expected
 
-    return each
+    return check_each
 
 
 def _check_shard(value: object) -> str | None:

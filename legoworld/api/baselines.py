@@ -106,7 +106,7 @@ def baseline_run(
         ),
     )
     listener.total(len(selected_images(images, image_ids, limit)))
-    warn_unconfined(request.confined, listener)
+    warn_unconfined(request.confinement, listener)
     result = run_baseline(
         request,
         progress=listener.row,
@@ -164,12 +164,12 @@ def baseline_import(
     )
 
 
-def warn_unconfined(confined: BaselineConfinement, listener: Listener) -> None:
+def warn_unconfined(confinement: BaselineConfinement, listener: Listener) -> None:
     """Say what a baseline's process is not kept from where there is no bubblewrap."""
-    if confined.held.bubblewrap is None:
+    if confinement.protections.bubblewrap is None:
         listener.warn(
-            f"without bubblewrap ({confined.held.why_not}) the baseline runs with your "
-            f"permissions; not kept from it: {', '.join(confined.record().does_not_hold)}"
+            f"without bubblewrap ({confinement.protections.why_not}) the baseline runs with your "
+            f"permissions; not kept from it: {', '.join(confinement.record().does_not_hold)}"
         )
 
 

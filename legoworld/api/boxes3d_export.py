@@ -18,8 +18,8 @@ from legoworld.evaluation.detection.payloads.boxes3d import BOXES3D
 from legoworld.evaluation.detection.protocols import detection_protocol
 from legoworld.evaluation.run import Run, RunUnusableError, read_predictions, read_run
 from legoworld.exports import kitti
-from legoworld.exports.formats import Written
-from legoworld.exports.kitti import UNKNOWN, box_corners, known
+from legoworld.exports.formats import ExportResult
+from legoworld.exports.kitti import UNKNOWN, box_corners, share_or_unknown
 from legoworld.files import readable_json, write_text
 from legoworld.records.base import decode
 from legoworld.records.folders.read_run import RUN
@@ -37,7 +37,7 @@ class _Photo:
     predictions: list[Prediction]
 
 
-def write_omni3d(run_folder: Path, output: Path, *, track: Path | None) -> Written:
+def write_omni3d(run_folder: Path, output: Path, *, track: Path | None) -> ExportResult:
     """Write a run of boxes in space as one JSON in Omni3D's form.
 
     Raises UsageError for runs of other tasks, RunUnusableError for a run without cameras (an
@@ -45,10 +45,10 @@ def write_omni3d(run_folder: Path, output: Path, *, track: Path | None) -> Writt
     """
     run, photos, names = _read(run_folder, track)
     write_text(output, readable_json(_omni3d(run, photos, names)))
-    return Written(images=len(photos), annotations=sum(len(p.predictions) for p in photos))
+    return ExportResult(images=len(photos), annotations=sum(len(p.predictions) for p in photos))
 
 
-def write_kitti(run_folder: Path, output: Path, *, track: Path | None) -> Written:
+def write_kitti(run_folder: Path, output: Path, *, track: Path | None) -> ExportResult:
     """Write a run of boxes in space as KITTI's labels; raises as `write_omni3d` does."""
     _, photos, names = _read(run_folder, track)
     boxes: list[kitti.Named] = []
@@ -57,7 +57,7 @@ def write_kitti(run_folder: Path, output: Path, *, track: Path | None) -> Writte
         file = str(PurePosixPath(photo.image.file_name).with_suffix(".txt"))
         kitti.write_files(output, file, named, photo.intrinsics, photo.size_wh)
         boxes += named
-    return Written(images=len(photos), annotations=len(boxes), losses=kitti.losses(boxes))
+    return ExportResult(images=len(photos), annotations=len(boxes), losses=kitti.losses(boxes))
 
 
 def _read(run_folder: Path, track: Path | None) -> tuple[Run, list[_Photo], dict[int, str]]:
@@ -147,8 +147,8 @@ def _annotation(one: Prediction, photo: _Photo, name: str) -> dict[str, Any]:
         "dimensions": [width, height, length],
         "R_cam": axes.tolist(),
         "behind_camera": bool((corners[:, 2] <= 0).any()),
-        "visibility": known(one.visibility),
-        "truncation": known(one.truncation),
+        "visibility": share_or_unknown(one.visibility),
+        "truncation": share_or_unknown(one.truncation),
         "segmentation_pts": UNKNOWN,
         "lidar_pts": UNKNOWN,
         "depth_error": UNKNOWN,

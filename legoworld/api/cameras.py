@@ -240,7 +240,7 @@ def _intrinsics(
             expected="[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
         )
     if (matrices[:, (0, 1), (0, 1)] <= 0).any():
-        raise UsageError("a focal length of K is not above 0", found=str(matrices[0].tolist())[:99])
+        raise UsageError("K has a focal length of 0 or less", found=str(matrices[0].tolist())[:99])
     fx_fy_cx_cy = matrices[:, (0, 1, 0, 1), (0, 1, 2, 2)].tolist()
     return [(fx, fy, cx, cy) for fx, fy, cx, cy in fx_fy_cx_cy]
 

@@ -148,7 +148,7 @@ def compare(
 
         place, _, delete = named_folder(output)
         try:
-            folders = _evaluated(evaluations, place, truth, task, settings, overwrite)
+            folders = _evaluate_sides(evaluations, place, truth, task, settings, overwrite)
             return _compare(folders, place / _COMPARISON, settings, fail_below, overwrite, listener)
         finally:
             delete()
@@ -195,7 +195,7 @@ def compare(
     return ByTask(folder=Path(output), results=found)
 
 
-def _evaluated(
+def _evaluate_sides(
     sides: Sides,
     output: Path,
     truth: Truth | LiveTruth | None,

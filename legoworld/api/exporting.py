@@ -18,8 +18,8 @@ from legoworld.exports.formats import (
     FORMAT_NAMES,
     FORMATS,
     DocumentFormat,
+    ExportResult,
     Format,
-    Written,
     find_format,
     writer,
 )
@@ -54,7 +54,7 @@ class _Scenes:
     """The scenes that were read: hashes by name, and the errors of those that could not be."""
 
     read: dict[str, str] = field(default_factory=dict)
-    failed: dict[str, LegoWorldError] = field(default_factory=dict)
+    errors: dict[str, LegoWorldError] = field(default_factory=dict)
 
 
 @overload
@@ -80,7 +80,7 @@ def export(
     size_wh: tuple[int, int] | None = ...,
     overwrite: bool = ...,
     **given: Unpack[ReaderOptions],
-) -> Written | CocoFile: ...
+) -> ExportResult | CocoFile: ...
 @check_arguments
 def export(
     run_or_scenes: str | Path | Iterable[SceneView],
@@ -92,7 +92,7 @@ def export(
     size_wh: tuple[int, int] | None = None,
     overwrite: bool = False,
     **given: Unpack[ReaderOptions],
-) -> Written | CocoFile:
+) -> ExportResult | CocoFile:
     """Write a run, what the cameras of scenes see, or views of one scene in a format of others.
 
     Gives what was written; the document of the formats that are one COCO JSON.
@@ -101,7 +101,7 @@ def export(
     which are taken one by one. track: source of a run's category names if they are not the
     dataset's own. Of scenes: task, track and size_wh as in `Scene.view`, the rest as in `Reader`.
 
-    A scene that cannot be read is in `failed`, and raised where there is no other one. Raises
+    A scene that cannot be read is in `errors`, and raised where there is no other one. Raises
     UsageError for a format that is not written from this, an existing output, or a camera that the
     format cannot hold; RunUnusableError or PredictionsInvalidError for a damaged run. Nothing is
     written then.
@@ -117,17 +117,19 @@ def export(
     if source is None:
         write = _writer(row, "views", "views")
         given_views = cast("Iterable[SceneView]", run_or_scenes)
-        made = (_exported(view, VIEWS, None, Limits(), of) for view in given_views)
-        return _put(place, format, overwrite, lambda folder: write(made, folder), of)
+        made = (_exported_view(view, VIEWS, None, Limits(), of) for view in given_views)
+        return _write_output(place, format, overwrite, lambda folder: write(made, folder), of)
     if is_run(source):
         write = _writer(row, "run", f"the run {source.name}")
-        return _put(place, format, overwrite, lambda path: write(source, path, track=track), of)
+        return _write_output(
+            place, format, overwrite, lambda path: write(source, path, track=track), of
+        )
     if row.views is None:
         read_run(source)  # says what the folder is instead
     write, folders = _writer(row, "views", f"{source.name}, no run"), _scene_folders(source)
     with Reader(task=task, track=track, workers=1, **given) as reader:
         views = _views(reader.read(folders, size_wh=size_wh), of, given)
-        return _put(place, format, overwrite, lambda folder: write(views, folder), of)
+        return _write_output(place, format, overwrite, lambda folder: write(views, folder), of)
 
 
 def is_run(folder: Path) -> bool:
@@ -136,23 +138,23 @@ def is_run(folder: Path) -> bool:
 
 
 def _views(
-    readings: Iterator[Reading], of: _Scenes, given: ReaderOptions
+    readings: Iterator[Reading], of: _Scenes, options: ReaderOptions
 ) -> Iterator[ExportedView]:
     limits = make_limits(
-        given.get("time_limit_s", TIME_LIMIT_S), given.get("memory_limit_gib", MEMORY_LIMIT_GIB)
+        options.get("time_limit_s", TIME_LIMIT_S), options.get("memory_limit_gib", MEMORY_LIMIT_GIB)
     )
     for reading in readings:
         folder = reading.scene.resolve()
         if reading.view is None:
             assert reading.error is not None
-            of.failed[folder.name] = reading.error
+            of.errors[folder.name] = reading.error
         else:
-            yield _exported(reading.view, folder.name, folder, limits, of)
-    if of.failed and not of.read:
-        raise next(iter(of.failed.values()))
+            yield _exported_view(reading.view, folder.name, folder, limits, of)
+    if of.errors and not of.read:
+        raise next(iter(of.errors.values()))
 
 
-def _exported(
+def _exported_view(
     view: SceneView, scene: str, folder: Path | None, limits: Limits, of: _Scenes
 ) -> ExportedView:
     inspection = view._inspection
@@ -167,9 +169,9 @@ def _exported(
     )
 
 
-def _put(
-    output: Path, form: str, overwrite: bool, write: Callable[[Path], Written], of: _Scenes
-) -> Written:
+def _write_output(
+    output: Path, form: str, overwrite: bool, write: Callable[[Path], ExportResult], of: _Scenes
+) -> ExportResult:
     """Write beside the output, and move it there when it is whole."""
     if output.exists() and not overwrite:
         raise UsageError(
@@ -195,7 +197,7 @@ def _put(
         elif made.is_dir():
             output.unlink(missing_ok=True)
         made.rename(output)
-    return replace(written, failed=of.failed)
+    return replace(written, failed=of.errors)
 
 
 def _scene_folders(scenes: Path) -> list[Path]:
@@ -212,7 +214,7 @@ def _scene_folders(scenes: Path) -> list[Path]:
     return below
 
 
-def _writer(row: Format, kind: Literal["run", "views"], found: str) -> Callable[..., Written]:
+def _writer(row: Format, kind: Literal["run", "views"], found: str) -> Callable[..., ExportResult]:
     """What writes a format from a run, or from views. UsageError where nothing does."""
     name: str | None = getattr(row, kind)
     if name is not None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from legoworld.api.baselines import baseline_import
-from legoworld.api.scoring import Given
+from legoworld.api.scoring import GivenAnswers
 from legoworld.api.tracks import track_make
 from legoworld.errors import UsageError
 from legoworld.evaluation.family import Picture
@@ -27,7 +27,7 @@ _RUN, _TRUTH, _TRACK = "run", "truth", "track.json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kept:
+class AnswerFolders:
     """The folders. truth: a file that was read, or the arrays."""
 
     run: Path
@@ -42,7 +42,7 @@ def named_folder(output: str | Path | None) -> tuple[Path, str, Callable[[], Non
     return scratch.path, "answers", scratch.close
 
 
-def keep_answers(given: Given, folder: Path, *, name: str, overwrite: bool) -> Kept:
+def keep_answers(given: GivenAnswers, folder: Path, *, name: str, overwrite: bool) -> AnswerFolders:
     """Write folder/run, folder/track.json, and folder/truth of arrays. name: of the run.
 
     Raises as `baseline_import` and `track_make`, and UsageError for a folder of another truth.
@@ -74,7 +74,7 @@ def keep_answers(given: Given, folder: Path, *, name: str, overwrite: bool) -> K
             overwrite=overwrite,
             **declared,
         )
-    return Kept(run=folder / _RUN, truth=truth)
+    return AnswerFolders(run=folder / _RUN, truth=truth)
 
 
 def _refuse_other(made: Path, folder: Path) -> None:
@@ -90,7 +90,7 @@ def _refuse_other(made: Path, folder: Path) -> None:
             )
 
 
-def _keep_truth(given: Given, folder: Path) -> None:
+def _keep_truth(given: GivenAnswers, folder: Path) -> None:
     """Write the track of the images that are answered, and a truth that is arrays."""
     held, track = given.truth, folder / _TRACK
     every = given.image_ids is None or {*given.image_ids} == {*held.sizes_wh}
@@ -111,10 +111,10 @@ def _keep_truth(given: Given, folder: Path) -> None:
 
 
 def _keep_arrays(
-    stored: PixelFile, folder: Path, arrays: Mapping[int, Picture], images: tuple[TrackImage, ...]
+    file: PixelFile, folder: Path, arrays: Mapping[int, Picture], images: tuple[TrackImage, ...]
 ) -> None:
     """Write the array of each image."""
     for image in images:
         path = folder / f"{image.scene}.npz"
         path.parent.mkdir(parents=True, exist_ok=True)
-        stored.write(path, arrays[image.id], {})
+        file.write(path, arrays[image.id], {})

@@ -47,7 +47,7 @@ def plugin_evidence(
     UsageError for two sources of the camera, and for a provider without weights.
     """
     if sum(one is not None for one in (hfov_deg, camera, provider)) > 1:
-        raise UsageError("--fov, --camera and --provider say the same: pass one of them")
+        raise UsageError("--fov, --camera and --provider exclude each other: pass one of them")
     vocabulary = None if task is None else load_protocol(task, None)
     with scratch_folder("legoworld-provider-") as scratch:
         provided = None
@@ -70,7 +70,7 @@ def plugin_evidence(
                 hfov_deg=hfov_deg,
                 runs=[Path(run) for run in runs],
                 camera=optional_path(camera),
-                provided=provided,
+                baseline=provided,
             ),
             Path(output),
         )
@@ -78,7 +78,7 @@ def plugin_evidence(
 
 def _ask(request: ChosenModel, photo: Path, scratch: Path, listener: Listener) -> BaselineEvidence:
     """The provider's answer, and a notice of what it says of the camera."""
-    warn_unconfined(request.confined, listener)
+    warn_unconfined(request.confinement, listener)
     provided = ask_provider(request, photo, scratch, listener.log)
     seen = provided.camera
     degrees = [

@@ -121,9 +121,9 @@ class Reader:
         self._require_frozen = require_frozen
         limits = make_limits(time_limit_s, memory_limit_gib)
         self._threads = max(1, usable_cores() // n)
-        self._made = [BlenderProcess(limits) for _ in range(n)]
+        self._blenders = [BlenderProcess(limits) for _ in range(n)]
         self._idle: queue.LifoQueue[BlenderProcess] = queue.LifoQueue()
-        for blender in self._made:
+        for blender in self._blenders:
             self._idle.put(blender)
         self._pool: ThreadPoolExecutor | None = ThreadPoolExecutor(n)
 
@@ -173,7 +173,7 @@ class Reader:
         """
         check_argument("size_wh", size_wh)
         return self._results(
-            partial(self._opened, path, cameras, size_wh) for path in _paths(scenes)
+            partial(self._open_jobs, path, cameras, size_wh) for path in _paths(scenes)
         )
 
     async def aread(
@@ -191,11 +191,11 @@ class Reader:
         """End the Blender processes, even while they are reading."""
         if self._pool is None:
             return
-        for blender in self._made:
+        for blender in self._blenders:
             blender.abort()
         self._pool.shutdown(cancel_futures=True)
         self._pool = None
-        for blender in self._made:
+        for blender in self._blenders:
             blender.close()
 
     def _results(self, scenes: Iterator[_Job]) -> Iterator[Reading]:
@@ -209,7 +209,7 @@ class Reader:
         open_scenes: deque[Iterator[_Job]] = deque()
         try:
             while True:
-                while len(pending) < _AHEAD * len(self._made):
+                while len(pending) < _AHEAD * len(self._blenders):
                     job = _next_job(open_scenes) or next(scenes, None)
                     if job is None:
                         break
@@ -243,13 +243,13 @@ class Reader:
                     of_truth = [view for view in seen if view.task == truth.task]
                     scores = score(of_truth[0], truth, image_id=image_id) if of_truth else None
             except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
-                return self._failed(scene, error, image_id)
+                return self._failure(scene, error, image_id)
             named = {view.task: view for view in seen if view.task is not None}
             return Ok(scene=scene, view=seen[0], views=named, image_id=image_id, scores=scores)
 
         return read
 
-    def _opened(
+    def _open_jobs(
         self, path: Path, cameras: Sequence[AnyCamera], size_wh: tuple[int, int] | None
     ) -> Reading | Iterator[_Job]:
         """The jobs that draw a scene through cameras, once it is open."""
@@ -257,14 +257,14 @@ class Reader:
             scene = self._open(path)
             views = scene.views_by(self._protocols[0], cameras, size_wh, workers=1)
         except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
-            return self._failed(path, error)
-        return (partial(self._drawn, path, views, camera) for camera in range(len(views)))
+            return self._failure(path, error)
+        return (partial(self._draw_view, path, views, camera) for camera in range(len(views)))
 
-    def _drawn(self, path: Path, views: Views, camera: int) -> Reading:
+    def _draw_view(self, path: Path, views: Views, camera: int) -> Reading:
         try:
             view = views[camera]
         except Exception as error:  # noqa: BLE001  a verdict of this scene, or raised again
-            return self._failed(path, error)
+            return self._failure(path, error)
         named = {view.task: view} if view.task is not None else {}
         return Ok(scene=path, view=view, views=named)
 
@@ -285,7 +285,7 @@ class Reader:
         finally:
             self._idle.put(blender)
 
-    def _failed(self, scene: Path, error: Exception, image_id: int | None = None) -> Failed:
+    def _failure(self, scene: Path, error: Exception, image_id: int | None = None) -> Failed:
         verdict = classify_error(error, [self._cache.folder] if self._cache else [])
         return Failed(scene=scene, status=verdict.status, error=verdict, image_id=image_id)
 

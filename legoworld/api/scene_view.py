@@ -174,12 +174,12 @@ class SceneView:
     def warnings(self) -> tuple[str, ...]:
         """Caveats about this view, as sentences."""
         notes = self._protocol.readout.notes if self._protocol else None
-        return (*self._inspection.warnings, *(notes(self._answered()) if notes else ()))
+        return (*self._inspection.warnings, *(notes(self._answered_image()) if notes else ()))
 
     @property
     def labelled(self) -> tuple[InstanceRow, ...]:
         """The instances with a category and at least one visible pixel: those a task exports."""
-        return self._inspection.exported
+        return self._inspection.exported_rows
 
     def instance_ids(self) -> NDArray[np.int64]:
         """(N,) int64: the ids of `labelled`, which `instance` has at their pixels."""
@@ -313,7 +313,7 @@ class SceneView:
         vocabulary there are things alone. sky: the category of pixels without a hit, None for VOID.
         Raises UsageError for a view without a task's vocabulary, or for an unknown category.
         """
-        image = self._categorised(sky)
+        image = self._categorised_image(sky)
         made = segment_map(image.view, image.instances, image.sky)
         return made.ids, json.loads(canonical(made.segments))
 
@@ -324,11 +324,11 @@ class SceneView:
         Where the task's vocabulary has a category `background`, all that is of no other one is of
         it. sky, errors: as in `panoptic`.
         """
-        image = self._categorised(sky)
+        image = self._categorised_image(sky)
         assert image.vocabulary is not None
         return category_map(image.view, image.instances, image.vocabulary, image.sky)
 
-    def _categorised(self, sky: str | None) -> AnsweredImage:
+    def _categorised_image(self, sky: str | None) -> AnsweredImage:
         """The view as a readout takes it. UsageError without a task that has a vocabulary."""
         protocol = self._protocol
         if protocol is None or protocol.vocabulary is None:
@@ -338,7 +338,7 @@ class SceneView:
                 found=f"task {protocol.task.name}" if protocol else "a view without a task",
                 expected=f"view(task=...) of {', '.join(labelled)}",
             )
-        return self._answered(sky=protocol.category(sky, "sky") if sky is not None else None)
+        return self._answered_image(sky=protocol.category(sky, "sky") if sky is not None else None)
 
     @check_arguments
     def predictions(self, image_id: int = 1) -> list[dict[str, Any]]:
@@ -356,7 +356,7 @@ class SceneView:
         """
         array = self._protocol.readout.array if self._protocol else None
         if array is not None:
-            return array(self._answered(image_id))
+            return array(self._answered_image(image_id))
         return [entry for _, entry in self._exports(image_id)]
 
     def _exports(self, image_id: int) -> list[tuple[int, dict[str, Any]]]:
@@ -370,7 +370,7 @@ class SceneView:
                 found=f"task {protocol.task.name}" if protocol else "a view without a task",
                 expected=f"view(task=...) of {', '.join(labelled)}",
             )
-        exports = exporter(protocol.card.reads, self._answered(image_id))
+        exports = exporter(protocol.card.reads, self._answered_image(image_id))
         entries = json.loads(canonical([prediction for prediction, _ in exports]))
         return [(i.id, entry) for (_, i), entry in zip(exports, entries, strict=True)]
 
@@ -400,7 +400,7 @@ class SceneView:
         ids, masks = self.category_ids(), self.masks()
         return torchvision_target(self.labelled, ids, masks, image_id, arrays)
 
-    def _answered(self, image_id: int = 1, sky: Category | None = None) -> AnsweredImage:
+    def _answered_image(self, image_id: int = 1, sky: Category | None = None) -> AnsweredImage:
         return AnsweredImage(
             image_id=image_id,
             name=str(image_id),
@@ -416,7 +416,7 @@ class SceneView:
         """What the task says of this view in a table; None for a task that says nothing so."""
         if self._protocol is None or self._protocol.readout.table is None:
             return None
-        return self._protocol.readout.table(self._protocol.card.reads, self._answered())
+        return self._protocol.readout.table(self._protocol.card.reads, self._answered_image())
 
     def relations(self) -> FactBase:
         """What holds between the labelled and visible instances, each with a signed margin.
@@ -505,7 +505,7 @@ class SceneView:
             pictures.write_png(Path(folder) / "amodal.png", picture)
         drawn = self._protocol.readout.picture if self._protocol else None
         if drawn is not None:
-            pictures.write_png(Path(folder) / "answer.png", drawn(self._answered()))
+            pictures.write_png(Path(folder) / "answer.png", drawn(self._answered_image()))
         if self.in_space:
             boxes, view = self.boxes3d(), self._inspection.view
             lines = {b.instance_id: box_lines_px(b, view) for b in boxes}

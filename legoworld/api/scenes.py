@@ -90,23 +90,23 @@ def open_scene(
 class Scene:
     """A scene in memory: geometry, placements, label owners and cameras."""
 
-    def __init__(self, opened: OpenScene) -> None:
-        self._opened = opened
+    def __init__(self, open_scene: OpenScene) -> None:
+        self._open_scene = open_scene
 
     @property
     def name(self) -> str:
         """The name of its folder or file."""
-        return self._opened.folder.name
+        return self._open_scene.folder.name
 
     @property
     def size_wh(self) -> tuple[int, int]:
         """Width and height in pixels of the scene's own render settings."""
-        return self._opened.scene.snapshot.render.size_wh
+        return self._open_scene.scene.snapshot.render.size_wh
 
     @property
     def snapshot_sha256(self) -> str:
         """Hash of the snapshot: equal scenes have equal hashes."""
-        return self._opened.scene.snapshot_sha256
+        return self._open_scene.scene.snapshot_sha256
 
     @property
     def cameras(self) -> dict[str, SceneCamera]:
@@ -114,9 +114,9 @@ class Scene:
 
         Without those that are panoramic, excluded from the view layer or hidden from rendering.
         """
-        snapshot = self._opened.scene.snapshot
+        snapshot = self._open_scene.scene.snapshot
         cameras = {camera.name: camera for camera in (snapshot.camera, *snapshot.cameras)}
-        if self._opened.no_camera:
+        if self._open_scene.no_camera:
             del cameras[snapshot.camera.name]
         return cameras
 
@@ -175,11 +175,14 @@ class Scene:
                 expected="cameras=[...], or cam_from_world or world_from_cam",
             )
         if cameras is None:
-            snapshot = self._opened.scene.snapshot
+            snapshot = self._open_scene.scene.snapshot
             width, height = size_wh or self.size_wh
             size = int(width), int(height)
-            if self._opened.no_camera and len(posed.keys() & {"K", "fov_deg", "ortho_scale"}) == 0:
-                raise self._opened.no_camera
+            if (
+                self._open_scene.no_camera
+                and len(posed.keys() & {"K", "fov_deg", "ortho_scale"}) == 0
+            ):
+                raise self._open_scene.no_camera
             own = place_scene_camera(snapshot.camera, snapshot.render, size)
             cameras = posed_cameras(size, own, **given)
         elif isinstance(cameras, str | Path):
@@ -196,7 +199,7 @@ class Scene:
         """
         from legoworld.api.animation import write_animation  # Pillow, for a few callers
 
-        path = self._opened.folder.path / PICTURE
+        path = self._open_scene.folder.path / PICTURE
         render = path if path.is_file() else None
         write_animation(self, Path(file), optional_path(photo), render)
 
@@ -208,7 +211,7 @@ class Scene:
         workers: int | None = None,
     ) -> Views:
         """`views` through cameras, with a protocol already loaded."""
-        render = self._opened.scene.snapshot.render
+        render = self._open_scene.scene.snapshot.render
         made = named_cameras(cameras, self.cameras, render, size_wh)
         return Views(self._labelled(protocol), protocol, made, workers or usable_cores())
 
@@ -223,8 +226,8 @@ class Scene:
 
         threads: of the kernel, None for all cores; views: what was drawn of this scene already.
         """
-        if self._opened.no_camera:
-            raise self._opened.no_camera
+        if self._open_scene.no_camera:
+            raise self._open_scene.no_camera
         inspection = look(self._labelled(protocol), size_wh=size_wh, threads=threads, views=views)
         return SceneView(inspection, protocol)
 
@@ -234,12 +237,12 @@ class Scene:
 
     def _labelled(self, protocol: Protocol | None) -> LabelledScene:
         return label(
-            self._opened,
+            self._open_scene,
             protocol.vocabulary if protocol else None,
             protocol.override_property if protocol else None,
         )
 
     def __repr__(self) -> str:
         width, height = self.size_wh
-        triangles = self._opened.scene.snapshot.n_triangles
+        triangles = self._open_scene.scene.snapshot.n_triangles
         return f"<Scene {self.name!r}: {triangles:,} triangles, {width}x{height}>"

@@ -61,7 +61,7 @@ class Truth:
         return self.family.sizes_wh(self.held)
 
     def score(self, answers: LiveAnswers, image_ids: Collection[int] | None) -> Scores:
-        """The scores of answers, (H, W) or (H, W, 3) if arrays, to images, None for all."""
+        """Score answers; arrays are (H, W) or (H, W, 3). image_ids: None for all images."""
         return self.family.score(self.task, self.held, answers, image_ids)
 
 
@@ -88,7 +88,7 @@ def score(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Given:
+class GivenAnswers:
     """Answers to images of a truth. image_ids: None for all of its images."""
 
     truth: Truth
@@ -98,7 +98,7 @@ class Given:
 
 def given_answers(
     answers: Answers, truth: Truth | LiveTruth, *, task: str | None, image_id: int | None
-) -> Given:
+) -> GivenAnswers:
     """What `score` is given, as results or (H, W, ...) arrays. UsageError, TruthInvalidError."""
     if image_id is not None:
         check_argument("image_id", image_id)
@@ -128,7 +128,7 @@ def given_answers(
             results = [entry for own in made.values() for entry in own]
     else:
         results = views if one or isinstance(answers, Mapping) else answers
-    return Given(truth=held, answers=results, image_ids=ids)
+    return GivenAnswers(truth=held, answers=results, image_ids=ids)
 
 
 def _only_image(truth: Truth) -> int:

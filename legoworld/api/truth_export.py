@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from legoworld.api.coco_export import readable_document, run_coco_document, run_vocabulary
 from legoworld.errors import UsageError
 from legoworld.evaluation.run import Run, RunUnusableError, read_run
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.files import canonical_json, write_text
 from legoworld.readouts.family import ANSWERS
 from legoworld.records.base import UNSET, RecordError, as_json, decode
@@ -25,7 +25,7 @@ from legoworld.tasks.shipped import PANOPTIC
 from legoworld.tracks.vocabulary import find_dataset
 
 
-def write_lvis(run_folder: Path, output: Path, *, track: Path | None) -> Written:
+def write_lvis(run_folder: Path, output: Path, *, track: Path | None) -> ExportResult:
     """Write a run of LVIS masks as LVIS's JSON: every other category is verified to be absent.
 
     Raises UsageError for runs of other tasks, and what `export` does of a damaged one.
@@ -51,10 +51,10 @@ def write_lvis(run_folder: Path, output: Path, *, track: Path | None) -> Written
     categories = tuple(replace(c, frequency=groups.get(c.id) or UNSET) for c in document.categories)
     document = replace(document, images=tuple(images), categories=categories)
     write_text(output, readable_document(document))
-    return Written(images=len(images), annotations=len(document.annotations))
+    return ExportResult(images=len(images), annotations=len(document.annotations))
 
 
-def write_panoptic(run_folder: Path, output: Path, *, track: Path | None) -> Written:
+def write_panoptic(run_folder: Path, output: Path, *, track: Path | None) -> ExportResult:
     """Write a run of segments as panopticapi's truth: panoptic.json and its folder of PNGs.
 
     Raises UsageError for runs of other tasks, RunUnusableError for an image without a result.
@@ -84,7 +84,7 @@ def write_panoptic(run_folder: Path, output: Path, *, track: Path | None) -> Wri
     shutil.copytree(run_folder / Path(ANSWERS).stem, output / PANOPTIC.name)
     write_text(output / f"{PANOPTIC.name}.json", canonical_json(as_json(truth)) + "\n")
     segments = sum(len(one.segments_info) for one in answers.annotations)
-    return Written(images=len(run.images), annotations=segments)
+    return ExportResult(images=len(run.images), annotations=segments)
 
 
 def _image(run: Run, image_id: int) -> ImageInfo:

@@ -73,7 +73,7 @@ class Views(Sequence[SceneView]):
 
     def _lens_map(self, camera: Camera) -> LensMap:
         """Made once for all cameras of equal intrinsics."""
-        snapshot = self._labelled.opened.scene.snapshot
+        snapshot = self._labelled.open_scene.scene.snapshot
         alike = camera.anywhere()
         if alike not in self._lens_maps:
             assert camera.lens is not None

@@ -102,7 +102,7 @@ def run_baseline(
                 label_map=request.labels,
                 # Only names, and not part of the configuration: a run resumes without them.
                 variables=tuple(passed_names(request.variables)),
-                sandbox=request.confined.record(),
+                sandbox=request.confinement.record(),
             ),
         )
 

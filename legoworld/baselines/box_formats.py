@@ -32,18 +32,18 @@ def with_xywh(entry: Entry, box_format: BoxFormat) -> Entry:
 
 
 def check_declared(
-    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
+    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], box_format: BoxFormat
 ) -> None:
     """Raise BoxFormatError if the boxes fit their images in another format, but not as declared.
 
     as_given: entries with the file's own numbers. The check of a results list accepts boxes that no
     format explains; a declared format must be the one that explains them.
     """
-    others = other_formats(as_given, sizes_wh, declared)
-    share = _shares_outside(as_given, sizes_wh).get(declared, 0.0)
+    others = other_formats(as_given, sizes_wh, box_format)
+    share = _shares_outside(as_given, sizes_wh).get(box_format, 0.0)
     if share > MAX_SHARE_OUTSIDE and others:
         raise BoxFormatError(
-            f"the boxes are not {declared} in pixels",
+            f"the boxes are not {box_format} in pixels",
             found=f"{share:.1%} of {plural(len(as_given), 'box', 'boxes')} leave their image",
             expected="boxes inside their images",
             next_step=_pass(others),
@@ -51,23 +51,23 @@ def check_declared(
 
 
 def rephrase_error(
-    error: BoxFormatError, declared: BoxFormat, others: Sequence[BoxFormat]
+    error: BoxFormatError, box_format: BoxFormat, others: Sequence[BoxFormat]
 ) -> BoxFormatError:
     """The error of a results list's check, rephrased for the declared and the fitting formats."""
     return BoxFormatError(
-        f"the boxes are not {declared} in pixels",
-        found=error.found if declared == "xywh" else f"as x, y, width, height: {error.found}",
+        f"the boxes are not {box_format} in pixels",
+        found=error.found if box_format == "xywh" else f"as x, y, width, height: {error.found}",
         expected=error.expected,
         next_step=_pass(others) if others else error.next_step,
     )
 
 
 def other_formats(
-    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], declared: BoxFormat
+    as_given: Sequence[Entry], sizes_wh: Mapping[int, tuple[int, int]], box_format: BoxFormat
 ) -> list[BoxFormat]:
     """The formats other than the declared one in which the boxes fit their images."""
     shares = _shares_outside(as_given, sizes_wh)
-    return [f for f in shares if f != declared and shares[f] <= MAX_SHARE_OUTSIDE]
+    return [f for f in shares if f != box_format and shares[f] <= MAX_SHARE_OUTSIDE]
 
 
 def _shares_outside(

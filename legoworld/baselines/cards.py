@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Final, get_args
 from legoworld.cards import read_toml
 from legoworld.errors import CatalogError, UsageError
 from legoworld.files import canonical_json, sha256_of_file, sha256_of_text
+from legoworld.pluralize import nearest_names
 from legoworld.records.base import UnsetType
 from legoworld.records.cards import BaselineCardFile, BaselineOption, Dtype, OptionValue
 from legoworld.shipped import catalog
@@ -93,7 +93,7 @@ def load_baseline(name: str) -> BaselineCard:
     if (folder / CARD).is_file():
         return read_card(folder.resolve() / CARD)
     names = sorted(p.parent.name for p in catalog.folder("baselines").glob(f"*/{CARD}"))
-    near = difflib.get_close_matches(name, names, n=3)
+    near = nearest_names(name, names)
     raise UsageError(
         "unknown baseline",
         found=repr(name),
@@ -128,7 +128,7 @@ def chosen_options(card: BaselineCard, given: Sequence[str]) -> dict[str, Option
     for text in given:
         key, equals, value = text.partition("=")
         if not equals or key not in known:
-            near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
+            near = nearest_names(key, known, cutoff=0.5)
             raise UsageError(
                 f"the baseline {card.name} has no such option",
                 found=f"--option {text}",

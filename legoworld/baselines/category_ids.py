@@ -44,17 +44,19 @@ def numberings(vocabulary: Vocabulary, task: str) -> dict[CategoryIds, dict[int,
     return by_numbering
 
 
-def map_category_ids(declared: CategoryIds, vocabulary: Vocabulary, task: str) -> dict[int, int]:
+def map_category_ids(
+    category_ids: CategoryIds, vocabulary: Vocabulary, task: str
+) -> dict[int, int]:
     """The map from the declared numbering to the vocabulary's ids. UsageError if inapplicable."""
     known = numberings(vocabulary, task)
-    if declared not in known:
+    if category_ids not in known:
         raise UsageError(
-            f"--category-ids {declared} does not fit this track's categories",
+            f"--category-ids {category_ids} does not fit this track's categories",
             found=f"{len(vocabulary.categories)} categories of --task {task}",
             expected=" or ".join(known),
             next_step="map other ids with --label-map FILE",
         )
-    return known[declared]
+    return known[category_ids]
 
 
 def readings(ids: Counter[int], vocabulary: Vocabulary, task: str) -> dict[CategoryIds, str]:
@@ -121,17 +123,17 @@ def refuse_doubtful(ids: Counter[int], vocabulary: Vocabulary, task: str) -> Non
 
 
 def other_readings(
-    declared: CategoryIds, ids: Counter[int], vocabulary: Vocabulary, task: str
+    category_ids: CategoryIds, ids: Counter[int], vocabulary: Vocabulary, task: str
 ) -> str | None:
     """What declared ids would be in other numberings that have them; None if in no other."""
-    own = numberings(vocabulary, task)[declared]
+    own = numberings(vocabulary, task)[category_ids]
     mine = _list_categories({own[i]: n for i, n in ids.items()}, vocabulary, _SHOWN_IN_A_READING)
     others: dict[CategoryIds, str] = {
         name: what for name, what in readings(ids, vocabulary, task).items() if what != mine
     }
     if not others:
         return None
-    return f"category ids as {declared}: {mine}; they would fit {as_options(others)} as well"
+    return f"category ids as {category_ids}: {mine}; they would fit {as_options(others)} as well"
 
 
 def most_frequent(category_ids: Iterable[int], vocabulary: Vocabulary) -> str:

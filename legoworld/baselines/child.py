@@ -60,7 +60,7 @@ class TooSlowError(Exception):
 class BaselineProcess:
     """One process of a baseline, in the sandbox of scene programs.
 
-    declared: names of the caller's variables that it gets besides those every model gets. output:
+    variables: names of the caller's variables that it gets besides those every model gets. output:
     the folder that `take` brings its files to; what it writes itself lies in a folder of its own
     in there. Lines on its standard output that are no messages, and its standard error, are its
     log and go to `log`; the last lines of standard error are kept for `last_words`.
@@ -74,8 +74,8 @@ class BaselineProcess:
         log: Callable[[str], None],
         *,
         output: Path,
-        confined: BaselineConfinement,
-        declared: Sequence[str] = (),
+        confinement: BaselineConfinement,
+        variables: Sequence[str] = (),
     ) -> None:
         self._log = log
         self._output = output
@@ -85,17 +85,17 @@ class BaselineProcess:
         self._unsent: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._closing = False
         self._sandbox = TalkingSandbox(
-            self._home.path, _LIMITS, confined.held, owner=self._home.path,
+            self._home.path, _LIMITS, confinement.protections, owner=self._home.path,
             lease=self._home.owner_fd,
         )  # fmt: skip
         try:
-            environment = _environment(card, self._sandbox, confined, declared, request)
-            shown = readable(card, python, request, environment, confined.inputs)
+            environment = _environment(card, self._sandbox, confinement, variables, request)
+            shown = readable(card, python, request, environment, confinement.inputs)
             self._pipes = self._sandbox.converse(
                 [str(python), str(card.program)],
                 environment,
                 read_only=shown,
-                writable=writable(environment) if confined.held.network else (),
+                writable=writable(environment) if confinement.protections.network else (),
             )
         except BaseException:
             self._sandbox.close()
@@ -192,7 +192,7 @@ class BaselineProcess:
 
     def _read_messages(self) -> None:
         for line in _lines(self._pipes.stdout, _LONGEST_LINE):
-            message = _heard(line)
+            message = _read_answer(line)
             if message is None and len(line) == _LONGEST_LINE and line.startswith("{"):
                 message = Unreadable(
                     image_id=None, reason=f"a line of more than {_LONGEST_LINE >> 20} MiB"
@@ -220,7 +220,7 @@ class BaselineProcess:
             self._log(line[:_LONGEST_LOG_LINE].rstrip("\n"))
 
 
-def _heard(line: str) -> Message | Unreadable | None:
+def _read_answer(line: str) -> Message | Unreadable | None:
     """`read_line`; whatever it meets, the thread that reads goes on."""
     try:
         return read_line(line)
@@ -238,17 +238,17 @@ def _lines(stream: IO[bytes], longest: int) -> Iterator[str]:
 def _environment(
     card: BaselineCard,
     sandbox: TalkingSandbox,
-    confined: BaselineConfinement,
-    declared: Sequence[str],
+    confinement: BaselineConfinement,
+    variables: Sequence[str],
     request: ChildRequest,
 ) -> dict[str, str]:
     """The process's environment: the shared package alone on its path, no files left behind.
 
-    declared: the caller's variables it may see besides those every model may.
+    variables: the caller's variables it may see besides those every model may.
     """
     home = sandbox.path_inside("home")
     environment = child_environment(
-        ChildKind.MODEL, home=home, temporary=sandbox.temporary, declared=declared
+        ChildKind.MODEL, home=home, temporary=sandbox.temporary, variables=variables
     )
     environment["PYTHONPATH"] = str(card.shared_path)
     environment["PYTHONHASHSEED"] = "0"
@@ -258,8 +258,8 @@ def _environment(
     environment.setdefault("TOKENIZERS_PARALLELISM", "false")
     if not sys.stderr.isatty():
         environment.setdefault("HF_HUB_DISABLE_PROGRESS_BARS", "1")
-    bubblewrap = confined.held.bubblewrap is not None
-    if request.offline or (bubblewrap and not confined.held.network):
+    bubblewrap = confinement.protections.bubblewrap is not None
+    if request.offline or (bubblewrap and not confinement.protections.network):
         environment |= {"HF_HUB_OFFLINE": "1", "TRANSFORMERS_OFFLINE": "1"}
     if bubblewrap:
         # The caller's compiled kernels are run by the caller's other programs: it has its own.

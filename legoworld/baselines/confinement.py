@@ -39,18 +39,18 @@ print(json.dumps([sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_pr
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineConfinement:
-    """How a baseline's process is held. inputs: files and folders it may read besides its own."""
+    """Protections of a baseline's process. inputs: other files and folders that it may read."""
 
-    held: Protections
+    protections: Protections
     inputs: tuple[Path, ...] = ()
 
     def record(self) -> Protected:
         """What run.json says of it."""
         return Protected(
-            bubblewrap=self.held.bubblewrap,
-            why_not=self.held.why_not,
-            holds=[name for name in self.held.holds if name in _NAMES],
-            does_not_hold=[name for name in self.held.does_not_hold if name in _NAMES],
+            bubblewrap=self.protections.bubblewrap,
+            why_not=self.protections.why_not,
+            holds=[name for name in self.protections.holds if name in _NAMES],
+            does_not_hold=[name for name in self.protections.does_not_hold if name in _NAMES],
         )
 
 
@@ -62,12 +62,14 @@ def confine_baseline(
     offline: bool,
     inputs: Sequence[Path] = (),
 ) -> BaselineConfinement:
-    """How a run's processes are held: with the network only to download what the card may.
+    """The protections of a run's processes: with the network only to download what the card may.
 
     SandboxUnavailableError if bubblewrap is required and does not work.
     """
     network = card.about.network and not offline and not Path(weights).exists()
-    return BaselineConfinement(held=protections(confinement, network=network), inputs=tuple(inputs))
+    return BaselineConfinement(
+        protections=protections(confinement, network=network), inputs=tuple(inputs)
+    )
 
 
 def readable(

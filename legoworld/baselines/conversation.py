@@ -118,7 +118,7 @@ class Conversation:
         self._begin = begin
         self._log = log
         self._notice = notice
-        self._told = False
+        self._gpu_notice_given = False
         self._pending: dict[int, TrackImage] = {}
         self._deaths: Counter[int] = Counter()
         self._environment: dict[str, Any] = {}
@@ -147,8 +147,8 @@ class Conversation:
                 request,
                 self._log,
                 output=self._request.run,
-                confined=self._request.confined,
-                declared=self._request.variables,
+                confinement=self._request.confinement,
+                variables=self._request.variables,
             ) as process:
                 yield from self._listen(process, {image.id: image for image, _, _ in sent})
 
@@ -175,7 +175,7 @@ class Conversation:
                 yield from self._record_crash(process, working)
                 return
             if message.image_id is not None:
-                yield from self._heard(process, message.image_id, message, sent, answered)
+                yield from self._receive_answer(process, message.image_id, message, sent, answered)
                 deadline = compute_deadline(self._request.time_limit_s)
             elif isinstance(message, Unreadable):
                 yield from self._fail(working, self._unusable(message))
@@ -189,7 +189,7 @@ class Conversation:
                 working = self._waited_for(message.working_on)
             working = [i for i in working if i in self._pending]
 
-    def _heard(
+    def _receive_answer(
         self,
         process: BaselineProcess,
         image_id: int,
@@ -232,8 +232,8 @@ class Conversation:
         message = first_message(process, self._request.card.name, limit)
         environment = message.environment
         self._environment = environment
-        if self._request.device == "cpu" and "gpu" in environment and not self._told:
-            self._told = True
+        if self._request.device == "cpu" and "gpu" in environment and not self._gpu_notice_given:
+            self._gpu_notice_given = True
             self._notice(
                 f"running on the CPU although torch sees a GPU ({environment['gpu']}): pass "
                 "--device cuda or --device auto"

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from legoworld.baselines.baseline_import import ImportRequest
 from legoworld.baselines.depth_folder import (
-    DepthDeclared,
+    DepthDeclarations,
     planar_depth,
     predicted_px,
     read_cameras_file,
@@ -111,10 +111,10 @@ def depth_source(folder: Path, options: ImportOptions) -> PixelSource:
     )
 
 
-def declared_depth(options: ImportOptions) -> DepthDeclared:
+def declared_depth(options: ImportOptions) -> DepthDeclarations:
     """What the options of an import say of a folder's depth."""
     intrinsics = options.get("intrinsics")
-    return DepthDeclared(
+    return DepthDeclarations(
         space=options.get("space"),
         unit=options.get("unit"),
         cameras=read_cameras_file(intrinsics) if intrinsics else {},
@@ -122,14 +122,16 @@ def declared_depth(options: ImportOptions) -> DepthDeclared:
     )
 
 
-def imported_depth(folder: Path, declared: DepthDeclared, options: ImportOptions) -> Imported:
+def imported_depth(
+    folder: Path, declarations: DepthDeclarations, options: ImportOptions
+) -> Imported:
     """What a run says of the folder of depth that it is of."""
-    cameras = {name: [*camera.intrinsics_px] for name, camera in declared.cameras.items()}
+    cameras = {name: [*camera.intrinsics_px] for name, camera in declarations.cameras.items()}
     return Imported(
         folder=folder.resolve().name,
-        space=declared.space,
-        unit=declared.unit,
-        array=declared.array,
+        space=declarations.space,
+        unit=declarations.unit,
+        array=declarations.array,
         suffix=options.get("suffix"),
         cameras_sha256=sha256_of_text(canonical_json(cameras)) if cameras else None,
     )

@@ -51,7 +51,7 @@ class Camera:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthDeclared:
+class DepthDeclarations:
     """What is declared of a folder's arrays.
 
     cameras: by file name; "" applies to every photo. array: the name in an .npz or .exr.
@@ -63,7 +63,7 @@ class DepthDeclared:
     array: str | None
 
 
-def planar_depth(source: DepthDeclared, path: Path, image: TrackImage) -> DepthArray:
+def planar_depth(source: DepthDeclarations, path: Path, image: TrackImage) -> DepthArray:
     """A photo's array after all checks; ray distances are converted to planar depth.
 
     DepthFileError if the array's quantity is undeclared or cannot be converted to depth;
@@ -112,7 +112,7 @@ def predicted_px(array: DepthArray, image: TrackImage) -> int:
 
 
 def _read_declared_array(
-    path: Path, source: DepthDeclared, camera: Camera | None, check: SizeCheck
+    path: Path, source: DepthDeclarations, camera: Camera | None, check: SizeCheck
 ) -> DepthArray:
     """The array as declared by the file or the command; a missing part names the option."""
     declared = Declaration(

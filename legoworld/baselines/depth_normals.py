@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.baselines.depth_folder import DepthDeclared, planar_depth
+from legoworld.baselines.depth_folder import DepthDeclarations, planar_depth
 from legoworld.depth_files.errors import DepthFileError
 from legoworld.evaluation.depth.arrays import DepthArray, Intrinsics
 from legoworld.evaluation.normals.arrays import TOWARDS, NormalsArray
@@ -26,7 +26,7 @@ _BAND_ROWS: Final = 256
 _FEWEST: Final = 6
 
 
-def fit_normals(source: DepthDeclared, path: Path, image: TrackImage) -> NormalsArray:
+def fit_normals(source: DepthDeclarations, path: Path, image: TrackImage) -> NormalsArray:
     """A photo's normals, fitted to its depth. DepthFileError if that is unusable or has no camera.
 
     Normals do not depend on the unit. A disparity is taken as 1 / z times a scale: its unknown

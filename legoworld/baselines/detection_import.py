@@ -102,7 +102,7 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     imported = Imported(
         file=source.path.name,
         sha256=sha256_of_file(source.path),
-        box_format=box_format if _dialect(request).boxed else None,
+        box_format=box_format if _dialect(request).uses_boxes else None,
         image_ids=placed.by,
         category_ids=source.category_ids or "dataset" if named.by_id else "names",
         label_map_sha256=sha256_of_text(canonical_json(source.labels)),
@@ -120,17 +120,17 @@ def import_detections(request: ImportRequest, source: DetectionSource, *, notice
     )
 
 
-def _say_placed(placed: MatchedResults, of: int, notice: Say) -> None:
-    if placed.by == "file_names":
+def _say_placed(matches: MatchedResults, of: int, notice: Say) -> None:
+    if matches.by == "file_names":
         notice("images are matched by file name")
-    if placed.left_out:
-        n_kept = of - placed.left_out
+    if matches.left_out:
+        n_kept = of - matches.left_out
         kept, are = share(n_kept, of, "prediction", "predictions"), word_for(n_kept, "is", "are")
         notice(f"{kept} {are} of the track's images; the rest is ignored")
 
 
 def _resolve_categories(
-    request: ImportRequest, source: DetectionSource, found: ResultsFile, placed: MatchedResults
+    request: ImportRequest, source: DetectionSource, results: ResultsFile, matches: MatchedResults
 ) -> NamedEntries:
     """Entries with the vocabulary's category ids: by name, or by the declared numbering."""
     vocabulary = request.protocol.vocabulary
@@ -139,7 +139,7 @@ def _resolve_categories(
     if source.category_ids is not None:
         known = map_category_ids(source.category_ids, vocabulary, request.protocol.task.name)
     matcher = Matcher(vocabulary, source.labels)
-    named = with_our_categories(found, placed.entries, matcher, known)
+    named = with_our_categories(results, matches.entries, matcher, known)
     if source.category_ids is not None and known is not None:
         check_numbering(named.by_id, known, source.category_ids)
     return named
@@ -148,23 +148,23 @@ def _resolve_categories(
 def _say_categories(
     request: ImportRequest,
     source: DetectionSource,
-    named: NamedEntries,
-    checked: Predictions,
+    named_entries: NamedEntries,
+    predictions: Predictions,
     notice: Say,
 ) -> None:
     """Report dropped labels, the predicted categories, and doubts about the ids' meaning."""
     vocabulary = request.protocol.vocabulary
     assert vocabulary is not None
-    for label, count in named.left_out.items():
+    for label, count in named_entries.left_out.items():
         left = plural(count, "prediction", "predictions")
         notice(f"label {label!r}: {left} left out, as the label map says")
-    if checked.entries:
-        notice(most_frequent(checked.entries.category_id.tolist(), vocabulary))
+    if predictions.entries:
+        notice(most_frequent(predictions.entries.category_id.tolist(), vocabulary))
     if source.category_ids is None:
         return
-    if not named.by_id:
+    if not named_entries.by_id:
         notice(f"the file names its categories: --category-ids {source.category_ids} is not used")
-    elif others := other_readings(source.category_ids, named.by_id, *_of_dataset(request)):
+    elif others := other_readings(source.category_ids, named_entries.by_id, *_of_dataset(request)):
         notice(others)
 
 
@@ -189,7 +189,7 @@ def _check_predictions(
     protocol = detection_protocol(task)
     dialect = _dialect(request)
     entries = [with_xywh(entry, box_format) for entry in as_given]
-    entries = dialect.prepared(entries, sizes_wh, notice)
+    entries = dialect.prepare(entries, sizes_wh, notice)
     try:
         checked = check_results(
             [as_predictions(entries, prediction_type(protocol))],
@@ -207,7 +207,7 @@ def _check_predictions(
             raise
         meant = readings(plain_ids(as_given), vocabulary, task)
         raise _with_options(error, meant) from error
-    if dialect.boxed:
+    if dialect.uses_boxes:
         check_declared(as_given, sizes_wh, box_format)
     for warning in checked.warnings:
         notice(warning)
@@ -233,7 +233,7 @@ def _as_given(
     return entries
 
 
-def _filled(
+def _fill_polygons(
     entries: list[Entry], sizes_wh: Mapping[int, tuple[int, int]], notice: Say
 ) -> list[Entry]:
     """Polygons as masks."""
@@ -248,23 +248,23 @@ def _filled_amodal(
 ) -> list[Entry]:
     """Polygons as masks, also of visible parts, which KINS calls inmodal_seg."""
     named = [{"visible_mask": e["inmodal_seg"], **e} if "inmodal_seg" in e else e for e in entries]
-    return with_masks(_filled(named, sizes_wh, notice), sizes_wh, "visible_mask")[0]
+    return with_masks(_fill_polygons(named, sizes_wh, notice), sizes_wh, "visible_mask")[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Dialect:
-    """How results of others are read. boxed: whether their boxes count, and so their format."""
+    """How results of others are read. uses_boxes: whether boxes and their format count."""
 
-    boxed: bool
-    prepared: Callable[[list[Entry], Mapping[int, tuple[int, int]], Say], list[Entry]]
+    uses_boxes: bool
+    prepare: Callable[[list[Entry], Mapping[int, tuple[int, int]], Say], list[Entry]]
 
 
 #: By the payload's name.
 _DIALECTS: Final = {
-    BOXES.name: _Dialect(boxed=True, prepared=_as_given),
-    MASKS.name: _Dialect(boxed=False, prepared=_filled),
-    AMODAL.name: _Dialect(boxed=False, prepared=_filled_amodal),
-    BOXES3D.name: _Dialect(boxed=False, prepared=_as_given),
+    BOXES.name: _Dialect(uses_boxes=True, prepare=_as_given),
+    MASKS.name: _Dialect(uses_boxes=False, prepare=_fill_polygons),
+    AMODAL.name: _Dialect(uses_boxes=False, prepare=_filled_amodal),
+    BOXES3D.name: _Dialect(uses_boxes=False, prepare=_as_given),
 }
 
 

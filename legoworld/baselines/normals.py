@@ -99,11 +99,11 @@ def _of_depth(folder: Path, options: ImportOptions) -> _Source:
     )
 
 
-def _read(declared: Declaration, path: Path, image: TrackImage) -> NormalsArray:
+def _read(declaration: Declaration, path: Path, image: TrackImage) -> NormalsArray:
     """A photo's array after all checks that need no ground truth."""
     assert image.size_wh is not None
     check = size_check(PIXELS, image.size_wh)
-    array = read_normals(path, declared, check)
+    array = read_normals(path, declaration, check)
     check(array.size_wh)
     return _with_normals(array)
 

@@ -43,7 +43,7 @@ def _import(
         path = folder / (entry.file_name if entry else "")
         if entry is None or not names_a_file(path):
             found = f"no {folder.name}/{entry.file_name}" if entry else "no annotation"
-            raise ResultMissingError("there are no segments of the photo", found=found)
+            raise ResultMissingError("no segments for this photo", found=found)
         assert image.size_wh is not None
         check_listed(entry, {*known}, MapInvalidError)
         ids = read_ids(path, MapInvalidError)
@@ -92,7 +92,7 @@ def segments_at(place: NDArray[Any], listed: list[tuple[int, int]]) -> tuple[Seg
     )
 
 
-def _answered(
+def _record_answer(
     image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
 ) -> ImageRecord:
     """Masks of one photo as segments, which must not overlap; masks of one stuff category are one.
@@ -122,5 +122,5 @@ BASELINE: Final = BaselineFamily(
     options=frozenset({"subset"}),
     import_answers=_import,
     own_file=lambda row: answer_file(row.scene, ".png"),
-    answered=_answered,
+    answered=_record_answer,
 )

@@ -63,7 +63,7 @@ def ask_provider(
     variables = request.card.about.variables
     with BaselineProcess(
         request.card, request.python, child, log,
-        output=output, confined=request.confined, declared=variables,
+        output=output, confinement=request.confinement, variables=variables,
     ) as process:  # fmt: skip
         hello = first_message(process, request.card.name, request.time_limit_s, "--time-limit")
         process.begin()

@@ -125,7 +125,7 @@ def is_intact(record: ImageRecord, run: Path, source: ImageSource) -> bool:
 def _check_predictions(image: TrackImage, answer: Message, rules: AnswerRules) -> Predictions:
     if answer.predictions is None:
         raise AnswerInvalidError(
-            "the baseline gave no predictions",
+            "the baseline returned no predictions",
             found="an answer without them",
             expected='"predictions", a list',
         )

@@ -65,7 +65,7 @@ class ChosenModel:
     options: Mapping[str, OptionValue | None]
     offline: bool
     time_limit_s: float | None
-    confined: BaselineConfinement
+    confinement: BaselineConfinement
 
     @property
     def source(self) -> str:
@@ -74,23 +74,23 @@ class ChosenModel:
 
 
 def choose_model(
-    card: BaselineCard, weights: str, given: ModelOptions, inputs: Sequence[str | Path] = ()
+    card: BaselineCard, weights: str, options: ModelOptions, inputs: Sequence[str | Path] = ()
 ) -> ChosenModel:
     """How the baseline of a card is run. inputs: what it may read besides its own files."""
-    python, offline = given.get("python"), given.get("offline", False)
+    python, offline = options.get("python"), options.get("offline", False)
     used = chosen_python(card, None if python is None else Path(python))
-    device = chosen_device(given.get("device", "cpu"), used)
-    sandbox, paths = given.get("sandbox", "auto"), [Path(path) for path in inputs]
+    device = chosen_device(options.get("device", "cpu"), used)
+    sandbox, paths = options.get("sandbox", "auto"), [Path(path) for path in inputs]
     return ChosenModel(
         card=card,
         weights=weights,
         python=used,
         device=device,
-        dtype=chosen_dtype(given.get("dtype", "float32"), device, card),
-        options=chosen_options(card, given.get("options", ())),
+        dtype=chosen_dtype(options.get("dtype", "float32"), device, card),
+        options=chosen_options(card, options.get("options", ())),
         offline=offline,
-        time_limit_s=given.get("time_limit_s"),
-        confined=confine_baseline(card, weights, sandbox, offline=offline, inputs=paths),
+        time_limit_s=options.get("time_limit_s"),
+        confinement=confine_baseline(card, weights, sandbox, offline=offline, inputs=paths),
     )
 
 
@@ -98,7 +98,7 @@ def choose_model(
 class BaselineRequest(ChosenModel):
     """All parameters of a baseline's run.
 
-    python, offline, overwrite, confined and time limits never change its results.
+    python, offline, overwrite, confinement and time limits never change its results.
     load_time_limit_s: for the model, None for no limit; pass_variables: further variables of the
     caller's environment besides those the card names.
     """

@@ -52,7 +52,7 @@ class ResultsFile:
 
     @property
     def of_torchvision(self) -> bool:
-        """Whether it is torchvision's outputs: their labels are COCO's own ids."""
+        """True for torchvision outputs, whose labels are COCO's category ids."""
         return self.box_format is not None
 
 
@@ -93,7 +93,7 @@ def _with_whole_ids(entry: Entry, path: Path) -> Entry:
     for key, value in ids.items():
         if not value.is_integer() or abs(value) >= _EXACT:  # NaN and infinity are none either
             raise PredictionsInvalidError(
-                f"{path.name} has the {key} of a result that is no whole number",
+                f"{path.name} has a result whose {key} is not an integer",
                 found=f"{value!r}",
                 expected="an integer",
                 next_step="write the dataset's ids into the results",
@@ -166,7 +166,7 @@ def _as_list(document: Json) -> Any:
 
 
 def with_our_categories(
-    found: ResultsFile,
+    results: ResultsFile,
     entries: Sequence[Entry],
     matcher: Matcher,
     numbering: Mapping[int, int] | None,
@@ -180,7 +180,7 @@ def with_our_categories(
     kept: list[Entry] = []
     by_id: Counter[int] = Counter()
     for entry in entries:
-        label = _label(entry, found.names, matcher)
+        label = _label(entry, results.names, matcher)
         if label is None:
             kept.append(_with_our_id(entry, by_id, numbering or {}))
             continue

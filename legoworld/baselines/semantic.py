@@ -56,7 +56,7 @@ def _import(
     return import_images(request, source, answer, telling)
 
 
-def _answered(
+def _record_answer(
     image: TrackImage, answer: Message, rules: AnswerRules, source: ImageSource
 ) -> ImageRecord:
     """Masks of one photo as classes; a later mask lies on top, pixels of none have no class."""
@@ -73,5 +73,5 @@ BASELINE: Final = BaselineFamily(
     options=frozenset(),
     import_answers=_import,
     own_file=lambda row: answer_file(row.scene, ".png"),
-    answered=_answered,
+    answered=_record_answer,
 )

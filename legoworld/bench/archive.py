@@ -104,36 +104,36 @@ class _ShortReads(io.FileIO):
 
 @dataclass(frozen=True, kw_only=True)
 class _Member:
-    """One entry. stream: None for a folder; refused: why it is not unpacked."""
+    """One entry. stream: None for a folder; refusal: why it is not unpacked."""
 
     name: str
     size: int
     stream: IO[bytes] | None
-    refused: str | None
+    refusal: str | None
 
 
 def _zip_members(stream: _ShortReads) -> Iterator[_Member]:
     with zipfile.ZipFile(stream) as archive:
         for info in archive.infolist():
             kind = stat.S_IFMT(info.external_attr >> 16)
-            refused = None
+            refusal = None
             if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-                refused = "a link or a device"
+                refusal = "a link or a device"
             elif info.flag_bits & 1:
-                refused = "encrypted"
+                refusal = "encrypted"
             elif info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                refused = f"compression method {info.compress_type}, not stored or deflated"
-            source = None if refused or info.is_dir() else archive.open(info)
-            yield _Member(name=info.filename, size=info.file_size, stream=source, refused=refused)
+                refusal = f"compression method {info.compress_type}, not stored or deflated"
+            source = None if refusal or info.is_dir() else archive.open(info)
+            yield _Member(name=info.filename, size=info.file_size, stream=source, refusal=refusal)
 
 
 def _tar_members(stream: _ShortReads) -> Iterator[_Member]:
     with tarfile.open(fileobj=stream, mode="r:") as archive:
         for info in archive:
             plain = info.type in (tarfile.REGTYPE, tarfile.AREGTYPE) and not info.issparse()
-            refused = None if plain or info.isdir() else "a link, a device or a sparse file"
+            refusal = None if plain or info.isdir() else "a link, a device or a sparse file"
             source = archive.extractfile(info) if plain else None
-            yield _Member(name=info.name, size=info.size, stream=source, refused=refused)
+            yield _Member(name=info.name, size=info.size, stream=source, refusal=refusal)
         # tarfile ends at a header that is cut off or damaged as at the archive's end.
         stream.seek(archive.offset)
         if stream.read(tarfile.BLOCKSIZE).strip(b"\0") or stream.tell() % tarfile.BLOCKSIZE:
@@ -155,8 +155,8 @@ class _Unpacking:
             self._files += 1
             if self._files > limits.files:
                 raise _refusal("more entries", expected=f"at most {limits.files}")
-            if member.refused:
-                raise _refusal(f"{member.name!r}: {member.refused}")
+            if member.refusal:
+                raise _refusal(f"{member.name!r}: {member.refusal}")
             path = self._folder.joinpath(*_parts(member.name))
             if member.stream is None:
                 continue  # a folder is made with what lies in it

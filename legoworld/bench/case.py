@@ -49,20 +49,20 @@ class SeenCase:
     instance: NDArray[np.int32]
     raster_depth_z_m: NDArray[np.float32]
     raster_instance: NDArray[np.int32]
-    scored: tuple[ScoredObject, ...]
+    scored_objects: tuple[ScoredObject, ...]
 
 
 def reference_joints(
     snapshot: Snapshot,
     grouping: Grouping,
-    scored: Sequence[ScoredObject],
+    scored_objects: Sequence[ScoredObject],
     joints: Sequence[SceneJoint],
 ) -> tuple[ReferenceJoint, ...]:
     """The joints whose part has geometry in this case, with the scored object it belongs to.
 
     A part of several instances belongs to that of its first surface.
     """
-    ids = {one.id for one in scored}
+    ids = {one.id for one in scored_objects}
     references = []
     for joint in joints:
         surfaces = part_surfaces(snapshot, joint.part)
@@ -115,7 +115,7 @@ def see_case(
         instance=full.buffers.instance,
         raster_depth_z_m=small.buffers.depth_z_m,
         raster_instance=small.buffers.instance,
-        scored=scored,
+        scored_objects=scored,
     )
 
 

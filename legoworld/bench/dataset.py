@@ -80,7 +80,7 @@ def make_dataset(
     if request.engine == "local":  # one family alone may use every core
         threads = usable_cores() // max(1, min(request.workers, len(folders)))
         options = replace(options, threads=max(1, threads))
-    job = Job(make=partial(FamilyMaker, options, request.limits), lost=lost_family)
+    job = Job(make=partial(FamilyMaker, options, request.limits), lost_result=lost_family)
     made: list[MadeFamily] = []
     with closing(ENGINES[request.engine](job, folders, request.workers)) as families:
         for family in families:
@@ -124,8 +124,8 @@ def _prepare(request: MakeRequest) -> None:
     output.mkdir(parents=True, exist_ok=True)
 
 
-def _refuse_equal_names(made: Sequence[MadeFamily]) -> None:
-    names = [family.family for family in made]
+def _refuse_equal_names(families: Sequence[MadeFamily]) -> None:
+    names = [family.family for family in families]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise CatalogError(
@@ -137,11 +137,11 @@ def _refuse_equal_names(made: Sequence[MadeFamily]) -> None:
 
 
 def _files(
-    made: Sequence[MadeFamily], options: MakeOptions
+    families: Sequence[MadeFamily], options: MakeOptions
 ) -> tuple[BenchTrackFile, BenchTruthFile]:
     """The two halves' files; image ids count from 1 in the order of file names."""
     cases = sorted(
-        ((case, family) for family in made for case in family.cases),
+        ((case, family) for family in families for case in family.cases),
         key=lambda pair: pair[0].file_name,
     )
     images = tuple(
@@ -182,9 +182,9 @@ def _files(
 
 
 def _second_card(
-    track: BenchTrackFile, truth: BenchTruthFile, made: Sequence[MadeFamily]
+    track: BenchTrackFile, truth: BenchTruthFile, families: Sequence[MadeFamily]
 ) -> BenchXFile:
-    cases = {case.file_name: case for family in made for case in family.cases}
+    cases = {case.file_name: case for family in families for case in family.cases}
     images = tuple(
         to_record(
             BenchXImage,

@@ -128,7 +128,7 @@ class MadeFamily:
 
 
 class FamilyMaker:
-    """Makes family after family with one Blender process of its own."""
+    """Makes families one after another in its own Blender process."""
 
     def __init__(self, options: MakeOptions, limits: Limits) -> None:
         self._options = options
@@ -227,9 +227,9 @@ class _Family:
         retry_once(lambda: self._blender.request(request))
         return str(made), outside
 
-    def _list_requests(self, said: DeclaredCases) -> Iterator[_CaseRequest]:
-        family, cameras = family_name(self._folder.name), said["views"]
-        for tier in said["tiers"]:
+    def _list_requests(self, declared_cases: DeclaredCases) -> Iterator[_CaseRequest]:
+        family, cameras = family_name(self._folder.name), declared_cases["views"]
+        for tier in declared_cases["tiers"]:
             stems = [
                 "__".join([family, *([tier] if tier else []), f"view_{view:02d}"])
                 for view in range(len(cameras))
@@ -245,7 +245,9 @@ class _Family:
                     other_stem=stems[after] if after != view else None,
                 )
 
-    def _case(self, files: FrozenFiles, said: DeclaredCases, wanted: _CaseRequest) -> MadeCase:
+    def _case(
+        self, files: FrozenFiles, declared_cases: DeclaredCases, wanted: _CaseRequest
+    ) -> MadeCase:
         """Save the case as a scene of its own, and read it as any submission is read."""
         options = self._options
         folder = SceneFolder(
@@ -267,7 +269,7 @@ class _Family:
             retry_once(lambda: self._blender.request(request))
             case = {"tier": wanted.tier, "view": wanted.camera, "size_wh": options.size_wh}
             content = {**_content(files, self._read), "case": case}
-            return self._write_case(folder, files, said, wanted, content)
+            return self._write_case(folder, files, declared_cases, wanted, content)
         finally:
             shutil.rmtree(folder.path, ignore_errors=True)
 
@@ -275,8 +277,8 @@ class _Family:
         self,
         folder: SceneFolder,
         files: FrozenFiles,
-        said: DeclaredCases,
-        wanted: _CaseRequest,
+        declared_cases: DeclaredCases,
+        request: _CaseRequest,
         content: Mapping[str, Json],
     ) -> MadeCase:
         options = self._options
@@ -284,14 +286,14 @@ class _Family:
         scene = read_scene(folder, source="blend", blender=self._blender, cache=None, files=own)
         snapshot = scene.snapshot
         grouping = self._grouping(snapshot, files)
-        seen, joints = self._see_case(snapshot, grouping, said)
+        seen, joints = self._see_case(snapshot, grouping, declared_cases)
         opened = OpenedScene(folder, scene.files, self._blender, options.cache, content=content)
-        self._say(f"{wanted.stem}: picture, {options.picture.samples} samples")
+        self._say(f"{request.stem}: picture, {options.picture.samples} samples")
         picture = opened.render(options.picture_render)
         noise = self._noise(opened, picture)
-        hashes = self._halves.write(wanted.stem, picture, seen)
+        hashes = self._halves.write(request.stem, picture, seen)
         secret = int(sha256_of_text(f"{hashes.raster} {scene.snapshot_sha256}"), 16)
-        others = [camera for camera in snapshot.cameras if camera.name == wanted.other]
+        others = [camera for camera in snapshot.cameras if camera.name == request.other]
         seen_x = see_x(
             snapshot,
             grouping,
@@ -303,18 +305,18 @@ class _Family:
             threads=options.threads,
         )
         if options.scenes is not None:
-            _keep(folder, self._folder, options.scenes / wanted.stem, picture)
+            _keep(folder, self._folder, options.scenes / request.stem, picture)
         return MadeCase(
-            file_name=f"{wanted.stem}.png",
+            file_name=f"{request.stem}.png",
             hfov_deg=seen.hfov_deg,
-            tier=wanted.tier,
-            view=wanted.view,
+            tier=request.tier,
+            view=request.view,
             probe=seen_x.probe,
-            x=self._write_x(wanted.stem, opened, snapshot, seen, seen_x),
+            x=self._write_x(request.stem, opened, snapshot, seen, seen_x),
             truth=BenchTruth(
                 camera=_camera(snapshot, seen),
                 sha256=hashes,
-                scored=seen.scored,
+                scored=seen.scored_objects,
                 raster_wh=seen.raster_wh,
                 snapshot_sha256=scene.snapshot_sha256,
                 noise_floor=noise,
@@ -327,7 +329,7 @@ class _Family:
             self._options.notice(text)
 
     def _write_x(
-        self, stem: str, opened: OpenedScene, snapshot: Snapshot, seen: SeenCase, x: XCase
+        self, stem: str, scene: OpenedScene, snapshot: Snapshot, seen_case: SeenCase, x: XCase
     ) -> XTruth:
         """Write the second card's half of a case; a private view is rendered as the picture is."""
         picture = None
@@ -335,9 +337,9 @@ class _Family:
             self._say(f"{stem}: picture of a private view")
             wanted = replace(
                 self._options.picture_render,
-                stand=second_stand(snapshot, x.probe.view, seen.hfov_deg),
+                stand=second_stand(snapshot, x.probe.view, seen_case.hfov_deg),
             )
-            picture = opened.render(wanted)
+            picture = scene.render(wanted)
         return with_fields(self._halves.write_x(stem, x.arrays, picture), R_empty=x.R_empty)
 
     def _grouping(self, snapshot: Snapshot, files: FrozenFiles) -> Grouping:
@@ -345,11 +347,11 @@ class _Family:
         return group(snapshot, resolve_labels(snapshot, outside, None, None))
 
     def _see_case(
-        self, snapshot: Snapshot, grouping: Grouping, said: DeclaredCases
+        self, snapshot: Snapshot, grouping: Grouping, declared_cases: DeclaredCases
     ) -> tuple[SeenCase, tuple[ReferenceJoint, ...]]:
-        size_wh, unscored = self._options.size_wh, frozenset(said["unscored"])
+        size_wh, unscored = self._options.size_wh, frozenset(declared_cases["unscored"])
         seen = see_case(snapshot, grouping, size_wh, unscored, threads=self._options.threads)
-        joints, complaints = scene_joints(self._folder, snapshot, said["joints"])
+        joints, complaints = scene_joints(self._folder, snapshot, declared_cases["joints"])
         if complaints:
             raise CaseRefusedError(
                 "a joint of the reference cannot be used",
@@ -357,25 +359,25 @@ class _Family:
                 expected="joints that can be read",
                 next_step="correct the property or the URDF file, or delete it",
             )
-        return seen, reference_joints(snapshot, grouping, seen.scored, joints)
+        return seen, reference_joints(snapshot, grouping, seen.scored_objects, joints)
 
-    def _noise(self, opened: OpenedScene, picture: bytes) -> NoiseFloor | None:
+    def _noise(self, scene: OpenedScene, picture: bytes) -> NoiseFloor | None:
         options = self._options
         seeds = range(options.card.seed, options.card.seed + options.noise_seeds)
         size_wh = card_size(options.size_wh, options.card.longest_side_px)
         renders = []
         for number, seed in enumerate(seeds, start=1):
-            self._say(f"{opened.folder.name}: render {number} of {len(seeds)} for A's noise floor")
-            renders.append(opened.render(card_render(options.card, size_wh, seed, options.threads)))
+            self._say(f"{scene.folder.name}: render {number} of {len(seeds)} for A's noise floor")
+            renders.append(scene.render(card_render(options.card, size_wh, seed, options.threads)))
         return noise_floor(tuple(seeds), renders, picture, options.delta) if renders else None
 
 
 def _with_second_pictures(
-    cases: Sequence[MadeCase], wanted: Iterable[_CaseRequest]
+    cases: Sequence[MadeCase], requests: Iterable[_CaseRequest]
 ) -> Iterator[MadeCase]:
     """The cases, each with the picture of the next view where that is its second one."""
     pictures = {case.file_name: case.truth.sha256.reference for case in cases}
-    for case, asked in zip(cases, wanted, strict=True):
+    for case, asked in zip(cases, requests, strict=True):
         if asked.other_stem is None or case.probe.view is None or case.x.picture is not None:
             yield case
             continue
@@ -390,8 +392,8 @@ def _content(files: FrozenFiles, read: str) -> dict[str, Any]:
     return {"reference": {name: found and found.sha256 for name, found in hashes.items()}}
 
 
-def _camera(snapshot: Snapshot, seen: SeenCase) -> BenchCamera:
-    p = seen.projection
+def _camera(snapshot: Snapshot, seen_case: SeenCase) -> BenchCamera:
+    p = seen_case.projection
     return BenchCamera(
         fx=p.fx,
         fy=p.fy,

@@ -35,7 +35,7 @@ class Halves:
         """A public picture."""
         return self.public / "images" / file_name
 
-    def write(self, stem: str, picture: bytes, seen: SeenCase) -> BenchHashes:
+    def write(self, stem: str, picture: bytes, seen_case: SeenCase) -> BenchHashes:
         """Write a case's picture and its private arrays; their hashes."""
         image = self.image(f"{stem}.png")
         with atomic_path(image) as temporary:
@@ -43,11 +43,11 @@ class Halves:
         depth, instances, raster = (
             self.private / kind / f"{stem}.npz" for kind in ("depth", "instances", "raster")
         )
-        write_npz(depth, {"depth_z_m": seen.depth_z_m}, compressed=True)
-        write_npz(instances, {"instance": seen.instance}, compressed=True)
+        write_npz(depth, {"depth_z_m": seen_case.depth_z_m}, compressed=True)
+        write_npz(instances, {"instance": seen_case.instance}, compressed=True)
         write_npz(
             raster,
-            {"depth_z_m": seen.raster_depth_z_m, "instance": seen.raster_instance},
+            {"depth_z_m": seen_case.raster_depth_z_m, "instance": seen_case.raster_instance},
             compressed=True,
         )
         return BenchHashes(

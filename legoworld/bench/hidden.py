@@ -8,9 +8,9 @@ from legoworld.bench.family import MadeCase
 
 
 def hidden_things(cases: Sequence[MadeCase]) -> dict[str, tuple[str, ...]]:
-    """By file name of a case: what an earlier tier of its view scores and this one does not.
+    """Objects that an earlier tier of the view scores and this case does not, by file name.
 
-    cases: of one family, its tiers from easy to hard. Cases that hide nothing are left out.
+    cases: of one family, tiers from easy to hard. Cases without such objects are left out.
     """
     seen: dict[int, set[str]] = {}
     hidden = {}

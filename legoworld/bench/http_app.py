@@ -118,7 +118,7 @@ class ScoreApp:
         except BaseException:
             place.release()
             raise
-        answer = await self._scored(request, order, place, begin)
+        answer = await self._score_order(request, order, place, begin)
         status = _STATUS.get(answer.status, 200)
         return _json(self._public_answer(answer), status, retry_s=1 if status == 503 else None)
 
@@ -145,7 +145,7 @@ class ScoreApp:
             for scene, image_id in zip(batch.query, labels, strict=True)
         ]
         scored = [
-            self._scored(request, order, place, begin)
+            self._score_order(request, order, place, begin)
             for order, place in zip(orders, places, strict=True)
         ]
         answers = [self._public_answer(answer) for answer in await asyncio.gather(*scored)]
@@ -163,7 +163,7 @@ class ScoreApp:
             ("queue_taken", self._admission.places),
             ("spool_bytes", self._admission.spool_bytes),
             ("workers", self._server.workers),
-            ("workers_lost_total", self._server.lost),
+            ("workers_lost_total", self._server.n_lost),
         )
         return Response(self._counts.text(gauges), media_type="text/plain; version=0.0.4")
 
@@ -227,7 +227,7 @@ class ScoreApp:
             ) from None
         request.state.received = True
 
-    async def _scored(
+    async def _score_order(
         self, request: Request, order: Order, place: Place, begin: float
     ) -> ServeAnswer:
         """The answer; what nobody waits for any more is not begun. ClientDisconnect."""
@@ -318,15 +318,15 @@ async def _read_on(request: Request, most: int, time_s: float) -> bool:
     return False
 
 
-def _refusal(refused: RefusedRequestError, *, close: bool) -> Response:
+def _refusal(error: RefusedRequestError, *, close: bool) -> Response:
     response = Response(
-        canonical_json({"status": REFUSED, "reason": refused.reason}),
-        refused.status,
+        canonical_json({"status": REFUSED, "reason": error.reason}),
+        error.status,
         media_type="application/json",
     )
-    if refused.retry_s is not None:
-        response.headers["retry-after"] = str(refused.retry_s)
-    if refused.status == 401:
+    if error.retry_s is not None:
+        response.headers["retry-after"] = str(error.retry_s)
+    if error.status == 401:
         response.headers["www-authenticate"] = "Bearer"
     if close:
         response.headers["connection"] = "close"

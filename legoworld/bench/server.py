@@ -43,7 +43,7 @@ class ScoreServer:
         self._threads = ThreadPoolExecutor(workers)
         self._losing = Lock()
         #: Processes that were killed, or ended, with an order.
-        self.lost = 0
+        self.n_lost = 0
 
     @property
     def workers(self) -> int:
@@ -52,7 +52,7 @@ class ScoreServer:
 
     @property
     def scratch(self) -> Path:
-        """The folder that goes with the server."""
+        """Temporary folder, deleted with the server."""
         return self._folder.path
 
     def __enter__(self) -> Self:
@@ -119,7 +119,7 @@ class ScoreServer:
                     if self._aborted:
                         raise
                     with self._losing:
-                        self.lost += 1
+                        self.n_lost += 1
                     reason = str(error)
             return no_score(_request(order), reason, status=EVALUATOR_ERROR)
         finally:

@@ -49,7 +49,7 @@ def see_x(
     snapshot: Snapshot,
     grouping: Grouping,
     size_wh: tuple[int, int],
-    seen: SeenCase,
+    seen_case: SeenCase,
     other: SceneCamera | None,
     secret: int,
     card: Card,
@@ -63,7 +63,7 @@ def see_x(
     random = np.random.default_rng(secret)
     least, most = card.value("x.offset_px")
     offset = random.uniform(least, most, 2) * random.choice([-1.0, 1.0], 2)
-    objects = [_Extent.of(snapshot, grouping, one, card) for one in seen.scored]
+    objects = [_Extent.of(snapshot, grouping, one, card) for one in seen_case.scored_objects]
     chosen = None if other is None else _view_of(snapshot, other, size_wh)
     probe = Probe(
         offset_px=(float(offset[0]), float(offset[1])),
@@ -72,16 +72,16 @@ def see_x(
         spacings_m=tuple(o.spacing_m for o in objects),
     )
     if probe.view is None:
-        view = _private_view(snapshot, grouping, size_wh, seen, probe, random, card, threads)
+        view = _private_view(snapshot, grouping, size_wh, seen_case, probe, random, card, threads)
         probe = with_fields(probe, view=view)
     arrays: dict[str, NDArray[Any]] = {}
-    for look in looks(snapshot, size_wh, seen.hfov_deg, probe):
-        depth, instance = _drawn(look, grouping, seen.raster_wh, threads)
+    for look in looks(snapshot, size_wh, seen_case.hfov_deg, probe):
+        depth, instance = _draw_buffers(look, grouping, seen_case.raster_wh, threads)
         arrays |= {f"{look.name}_depth_z_m": depth, f"{look.name}_instance": instance}
     return XCase(
         probe=probe,
-        arrays=arrays | _points(snapshot, grouping, seen.scored, objects),
-        R_empty=_r_empty(snapshot, grouping, size_wh, seen, card, threads),
+        arrays=arrays | _points(snapshot, grouping, seen_case.scored_objects, objects),
+        R_empty=_r_empty(snapshot, grouping, size_wh, seen_case, card, threads),
         private_view=chosen is None,
     )
 
@@ -122,7 +122,7 @@ def _vector(values: F64) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _drawn(
+def _draw_buffers(
     look: Look, grouping: Grouping, raster_wh: tuple[int, int], threads: int
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     drawn = view_through(look.projection, look.snapshot, grouping, raster_wh, threads=threads)
@@ -153,25 +153,25 @@ def _private_view(
     snapshot: Snapshot,
     grouping: Grouping,
     size_wh: tuple[int, int],
-    seen: SeenCase,
+    seen_case: SeenCase,
     probe: Probe,
     random: np.random.Generator,
     card: Card,
     threads: int,
 ) -> SecondView | None:
     """The first of some poses around what is scored that sees the same objects; None for none."""
-    ids = [one.id for one in seen.scored]
-    of_scored = np.isin(seen.raster_instance, ids)
-    pivot_m = float(np.median(seen.raster_depth_z_m[of_scored]))
-    before = np.array([np.count_nonzero(seen.raster_instance == i) for i in ids])
+    ids = [one.id for one in seen_case.scored_objects]
+    of_scored = np.isin(seen_case.raster_instance, ids)
+    pivot_m = float(np.median(seen_case.raster_depth_z_m[of_scored]))
+    before = np.array([np.count_nonzero(seen_case.raster_instance == i) for i in ids])
     for pose in _poses(pivot_m, random, card):
-        view = SecondView(cam_from_view=pose, hfov_deg=seen.hfov_deg)
+        view = SecondView(cam_from_view=pose, hfov_deg=seen_case.hfov_deg)
         found = [
             look
-            for look in looks(snapshot, size_wh, seen.hfov_deg, with_fields(probe, view=view))
+            for look in looks(snapshot, size_wh, seen_case.hfov_deg, with_fields(probe, view=view))
             if look.name == VIEW
         ]
-        depth, instance = _drawn(found[0], grouping, seen.raster_wh, threads)
+        depth, instance = _draw_buffers(found[0], grouping, seen_case.raster_wh, threads)
         after = np.array([np.count_nonzero(instance == i) for i in ids])
         near_m = float(np.percentile(depth, 1))
         if (after >= card.value("x.view_share") * before).all() and near_m > _NEAR * pivot_m:
@@ -198,12 +198,12 @@ def _poses(pivot_m: float, random: np.random.Generator, card: Card) -> Iterator[
 def _points(
     snapshot: Snapshot,
     grouping: Grouping,
-    scored: Sequence[ScoredObject],
+    scored_objects: Sequence[ScoredObject],
     objects: Sequence[_Extent],
 ) -> dict[str, NDArray[Any]]:
     """Samples of each object, and of what else is within reach of its box."""
     parts: list[tuple[NDArray[np.float32], int, NDArray[np.int8]]] = []
-    for k, (one, extent) in enumerate(zip(scored, objects, strict=True)):
+    for k, (one, extent) in enumerate(zip(scored_objects, objects, strict=True)):
         of_object = grouping.surface_instance == one.id
         own = box_samples(snapshot, [extent.box(1.0)], among=of_object)[0]
         context = box_samples(snapshot, [extent.box(3.0)], among=~of_object)[0]
@@ -221,13 +221,13 @@ def _r_empty(
     snapshot: Snapshot,
     grouping: Grouping,
     size_wh: tuple[int, int],
-    seen: SeenCase,
+    seen_case: SeenCase,
     card: Card,
     threads: int,
 ) -> float:
     """R of the reference with every scored object deleted."""
-    left = ~np.isin(grouping.surface_instance, [one.id for one in seen.scored])
-    depth = np.full_like(seen.raster_depth_z_m, np.inf)
+    left = ~np.isin(grouping.surface_instance, [one.id for one in seen_case.scored_objects])
+    depth = np.full_like(seen_case.raster_depth_z_m, np.inf)
     if left.any():
         rest = replace(
             snapshot,
@@ -237,14 +237,17 @@ def _r_empty(
             world_from_mesh=snapshot.world_from_mesh[left],
         )
         depth = visible_surface(
-            rest, size_wh, seen.hfov_deg, own_intrinsics=False, threads=threads
+            rest, size_wh, seen_case.hfov_deg, own_intrinsics=False, threads=threads
         ).depth_z_m
-    label = index_labels(seen.raster_instance, seen.scored)
-    raster = picture_raster(size_wh, seen.hfov_deg, seen.raster_wh)
+    label = index_labels(seen_case.raster_instance, seen_case.scored_objects)
+    raster = picture_raster(size_wh, seen_case.hfov_deg, seen_case.raster_wh)
     limit_m, tau = card.value("scoring.depth_limit_m"), card.value("scoring.tolerance")
     ours, theirs = (
         GridSurface(depth_z_m=z, label=label, raster=raster)
-        for z in (kept_depth(seen.raster_depth_z_m, limit_m), depth)
+        for z in (kept_depth(seen_case.raster_depth_z_m, limit_m), depth)
     )
     tolerance = Tolerance(name="empty", relative=tau)
-    return mean_f1(scores_on_rasters(ours, theirs, len(seen.scored), [tolerance])[0]) or 0.0
+    return (
+        mean_f1(scores_on_rasters(ours, theirs, len(seen_case.scored_objects), [tolerance])[0])
+        or 0.0
+    )

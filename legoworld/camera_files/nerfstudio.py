@@ -65,11 +65,11 @@ def read_transforms(path: Path) -> list[Camera]:
 
 
 def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
-    def said(name: str) -> Any:
+    def frame_setting(name: str) -> Any:
         own = getattr(frame, name)
         return getattr(file, name) if own is UNSET else own
 
-    model = said("camera_model")
+    model = frame_setting("camera_model")
     if model is not UNSET and model not in _MODELS:
         raise _unusable(path, frame, f"camera_model {model}", ", ".join(_MODELS))
     try:
@@ -78,16 +78,16 @@ def _camera(path: Path, file: _Transforms, frame: _Frame) -> Camera:
         raise _unusable(
             path, frame, f"a transform_matrix of {error}", "4 rows of 4 numbers"
         ) from error
-    width, height, fl_x = said("w"), said("h"), said("fl_x")
+    width, height, fl_x = frame_setting("w"), frame_setting("h"), frame_setting("fl_x")
     if width is UNSET or height is UNSET:
         raise _unusable(path, frame, "no w and h", "the picture's width and height")
     if fl_x is UNSET:
-        angle = said("camera_angle_x")
+        angle = frame_setting("camera_angle_x")
         if angle is UNSET:
             raise _unusable(path, frame, "no focal length", "fl_x, or camera_angle_x")
         fl_x = width / 2 / math.tan(angle / 2)
-    fl_y, cx, cy = said("fl_y"), said("cx"), said("cy")
-    given = {name: said(name) for name in ("k1", "k2", "k3", "k4", "p1", "p2")}
+    fl_y, cx, cy = frame_setting("fl_y"), frame_setting("cx"), frame_setting("cy")
+    given = {name: frame_setting(name) for name in ("k1", "k2", "k3", "k4", "p1", "p2")}
     bends = {name: value for name, value in given.items() if value is not UNSET}
     return Camera(
         name=frame.file_path,

@@ -106,7 +106,7 @@ def make_command(scenes: Path, output: Path, out: Output, **given: Any) -> int:
     return 1 if made.refused_families else 0
 
 
-def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
+def _document(dataset: MadeDataset, output: Path) -> dict[str, Any]:
     from legoworld.bench.hidden import hidden_things
 
     families = [
@@ -117,31 +117,31 @@ def _document(made: MadeDataset, output: Path) -> dict[str, Any]:
             "cases": [c.file_name for c in f.cases],
             "hidden": {name: list(things) for name, things in hidden_things(f.cases).items()},
         }
-        for f in made.families
+        for f in dataset.families
     ]
     return {"dataset": str(output), "families": families}
 
 
-def _lines(made: MadeDataset, output: Path, *, verbose: bool) -> Iterator[str]:
+def _lines(dataset: MadeDataset, output: Path, *, verbose: bool) -> Iterator[str]:
     from legoworld.bench.hidden import hidden_things
 
-    for family in made.refused_families:
+    for family in dataset.refused_families:
         yield f"{family.status}: {family.family}: {family.reason}"
-    for family in made.families:
+    for family in dataset.families:
         for name, things in hidden_things(family.cases).items():
             hidden = ", ".join(things)
             yield f"{name}: hidden here and not scored, though in an earlier tier: {hidden}"
-    for family in made.families if verbose else ():
+    for family in dataset.families if verbose else ():
         yield from _cases(family)
-    good = len(made.families) - len(made.refused_families)
-    cases = sum(len(f.cases) for f in made.families)
-    line = f"{share(good, len(made.families), 'scene', 'scenes')} made into "
+    good = len(dataset.families) - len(dataset.refused_families)
+    cases = sum(len(f.cases) for f in dataset.families)
+    line = f"{share(good, len(dataset.families), 'scene', 'scenes')} made into "
     line += plural(cases, "case", "cases")
-    if made.track is None:
+    if dataset.track is None:
         yield f"{line}: no dataset was written"
         return
-    yield f"{line}, {plural(len(made.track.categories), 'category', 'categories')}"
-    spread = [f.truth.noise_floor for m in made.families for f in m.cases if f.truth.noise_floor]
+    yield f"{line}, {plural(len(dataset.track.categories), 'category', 'categories')}"
+    spread = [f.truth.noise_floor for m in dataset.families for f in m.cases if f.truth.noise_floor]
     if spread:
         lowest = min(min(n.a_self) for n in spread)
         yield (

@@ -59,9 +59,9 @@ def serve(time_limit_s: float, memory_bytes: int, out: Output, **given: Any) -> 
     """Run a Blender that speaks Blender MCP's socket protocol, without a display.
 
     It runs whatever Python code its clients send. With bubblewrap that code has no network, writes
-    to the workspace alone, and reads nothing of yours but SCENE and each --input; it never gets
-    your environment variables. A call that crashes Blender or does not stop is answered with an
-    error, and the next call finds Blender started anew with the scene as the last call left it.
+    only to the workspace, and reads none of your files but SCENE and each --input; it never gets
+    your environment variables. A call that crashes Blender or does not end gets an error;
+    Blender then restarts with the scene as the last call left it.
 
     The scene after each call that changed it is kept in WORKSPACE.trajectory. Run the same command
     again to continue from the last one. Ctrl-C ends it.
@@ -89,7 +89,7 @@ def serve(time_limit_s: float, memory_bytes: int, out: Output, **given: Any) -> 
 @options.protections()
 @_MEMORY
 @options.quiet("Print no notices on standard error.")
-def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> int:
+def mcp(workspace: Path, protections: Protections, memory_bytes: int, out: Output) -> int:
     """Be an MCP server on standard input and output: mcp-for-blender over an endpoint of its own.
 
     For an agent's MCP configuration: the one command is all that it has to start. What `blender
@@ -112,7 +112,7 @@ def mcp(workspace: Path, held: Protections, memory_bytes: int, out: Output) -> i
         port=0,
         workspace=workspace,
         inputs=(),
-        held=held,
+        protections=protections,
         limits=SandboxLimits(time_s=_DAY_S, memory_bytes=memory_bytes),
         call_time_s=CALL_TIME_S,
     )

@@ -112,17 +112,17 @@ def _require_evaluation(folder: Path) -> Path | ByTask[Evaluation]:
     return ByTask(folder=folder, results=opened) if tasks else folder
 
 
-def _lines(found: list[Comparison], output: Path, *, verbose: bool) -> Iterator[str]:
+def _lines(comparisons: list[Comparison], output: Path, *, verbose: bool) -> Iterator[str]:
     from legoworld.comparison.tables import list_comparisons
     from legoworld.evaluation.family import load_evaluation_family
 
-    yield from (_text(comparison, verbose=verbose) for comparison in found)
-    tasks = {one.task for c in found for one in list_comparisons(c.document)}
+    yield from (_text(comparison, verbose=verbose) for comparison in comparisons)
+    tasks = {one.task for c in comparisons for one in list_comparisons(c.document)}
     yield report_hint(output, photos=any(load_evaluation_family(task).photos for task in tasks))
 
 
-def _text(found: Comparison, *, verbose: bool) -> str:
+def _text(comparison: Comparison, *, verbose: bool) -> str:
     from legoworld.commands.comparison_text import short_comparison, whole_comparison
 
     shown = whole_comparison if verbose else short_comparison
-    return f"{shown(found.document)}\n\n-> {found.folder}"
+    return f"{shown(comparison.document)}\n\n-> {comparison.folder}"

@@ -17,7 +17,7 @@ from legoworld.comparison.tables import (
 from legoworld.comparison.verdict import classify_difference, headline_rows, verdict_sentences
 from legoworld.pluralize import plural
 from legoworld.tables.table import Cell, Table, table
-from legoworld.tables.terminal import WIDTH, filled, terminal
+from legoworld.tables.terminal import WIDTH, terminal, wrap_parts
 
 if TYPE_CHECKING:
     from legoworld.comparison.tables import Document
@@ -40,7 +40,7 @@ def whole_comparison(document: Document) -> str:
     coverage = coverage_table(document)
     rows = [[*row[:3], shorten_name(str(row[3])), row[4], shorten_name(str(row[5])), *row[6:-1]]
             for row in coverage.rows]  # fmt: skip
-    reasons = [text for pair in _not_paired(document) for text in filled(*pair)]
+    reasons = [text for pair in _not_paired(document) for text in wrap_parts(*pair)]
     return "\n\n".join(
         [
             *(terminal(block, stacked=True) for block in headline_blocks(document)),

@@ -158,7 +158,7 @@ def _sandbox() -> Finding:
     from legoworld.workers.protections import protections
 
     held = protections("auto")
-    by = "the kernel" if held.counted else "looking 20 times a second"
+    by = "the kernel" if held.task_group else "looking 20 times a second"
     description = f"bubblewrap {held.bubblewrap}" if held.bubblewrap else str(held.why_not)
     return Finding(
         name="sandbox",

@@ -116,7 +116,7 @@ def _score_poses(
     from legoworld.evaluation.pose.score import score_poses
 
     if not isinstance(output, Path) or not isinstance(dataset, Path):
-        raise click.UsageError("poses have one truth, and an output folder on this machine")
+        raise click.UsageError("poses take one --truth and a local output folder")
     file = output / "poses.json"
     refuse_existing(file, overwrite=overwrite)
     scores = asdict(score_poses(dataset, results))
@@ -130,11 +130,11 @@ def _score_poses(
     return exit_codes.DONE
 
 
-def _lines(found: list[Evaluation], folder: Place, *, verbose: bool) -> Iterator[str]:
+def _lines(evaluations: list[Evaluation], folder: Place, *, verbose: bool) -> Iterator[str]:
     from legoworld.evaluation.family import evaluation_text, load_evaluation_family
 
-    for one in found:
-        if len(found) > 1:
+    for one in evaluations:
+        if len(evaluations) > 1:
             yield f"{one.task}:"
         if verbose:
             yield f"{evaluation_text(one.summary)}\n\n-> {one.folder}"
@@ -142,7 +142,7 @@ def _lines(found: list[Evaluation], folder: Place, *, verbose: bool) -> Iterator
             yield f"{load_evaluation_family(one.task).short(one.summary)}\n-> {one.folder}"
     if isinstance(folder, Path):
         yield report_hint(
-            folder, photos=any(load_evaluation_family(one.task).photos for one in found)
+            folder, photos=any(load_evaluation_family(one.task).photos for one in evaluations)
         )
 
 
@@ -160,7 +160,7 @@ def _open_listener(out: Output) -> Iterator[Listener]:
             nonlocal images
             images = n
 
-        def scored(row: EvaluationRow) -> None:
+        def count_scored(row: EvaluationRow) -> None:
             nonlocal bar, failed
             if bar is None:  # not every family scores image by image
                 bar = stack.enter_context(
@@ -172,7 +172,7 @@ def _open_listener(out: Output) -> Iterator[Listener]:
             bar.label = f"scoring, {failed} without a score" if failed else "scoring"
             bar.update(1)
 
-        yield Listener(total=total, scored=scored, notice=out.step, warn=out.notice)
+        yield Listener(total=total, scored=count_scored, notice=out.step, warn=out.notice)
 
 
 def parse_truths(run: Place, texts: Sequence[str]) -> Path | dict[str, Path]:

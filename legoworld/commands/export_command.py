@@ -12,7 +12,7 @@ from legoworld.commands import options
 from legoworld.commands.options import option
 from legoworld.commands.output import Output
 from legoworld.commands.param_types import EXISTING_FOLDER, Choice, TaskChoice
-from legoworld.exports.formats import FORMAT_NAMES, Written, find_format
+from legoworld.exports.formats import FORMAT_NAMES, ExportResult, find_format
 from legoworld.pluralize import plural
 
 
@@ -80,8 +80,8 @@ def command(
     made = export(run_or_scenes, output, format=format, **given)
     written = (
         made
-        if isinstance(made, Written)
-        else Written(images=len(made.images), annotations=len(made.annotations))
+        if isinstance(made, ExportResult)
+        else ExportResult(images=len(made.images), annotations=len(made.annotations))
     )
     for lost in written.losses:
         out.notice(f"{format} does not hold: {lost}")

@@ -209,28 +209,30 @@ def _show_comparison(comparison: SourceComparison, out: Output) -> int:
     return exit_codes.DONE if comparison.faithful else exit_codes.INCOMPLETE
 
 
-def _comparison_lines(found: SourceComparison, out: Output) -> Iterator[str]:
-    pairs = found.pairs if out.verbose else found.pairs[: max(40, found.n_disagreeing)]
+def _comparison_lines(comparison: SourceComparison, out: Output) -> Iterator[str]:
+    pairs = (
+        comparison.pairs if out.verbose else comparison.pairs[: max(40, comparison.n_disagreeing)]
+    )
     rows = [
         (pair.name, _category(pair), pair.blend_area_px, pair.glb_area_px, f"{pair.iou:.5f}")
         for pair in pairs
     ]
     yield table(("instance", "category", ".blend px", ".glb px", "IoU"), rows)
-    if len(pairs) < len(found.pairs):
-        yield f"... and {len(found.pairs) - len(pairs)} more that agree (-v lists them)"
-    width, height = found.blend.view.size_wh
-    disagree = word_for(found.n_disagreeing, "disagrees", "disagree")
+    if len(pairs) < len(comparison.pairs):
+        yield f"... and {len(comparison.pairs) - len(pairs)} more that agree (-v lists them)"
+    width, height = comparison.blend.view.size_wh
+    disagree = word_for(comparison.n_disagreeing, "disagrees", "disagree")
     yield (
-        f"\n{plural(len(found.pairs), 'instance', 'instances')} in both sources at "
-        f"{width}x{height}: {found.n_disagreeing} {disagree}; "
-        f"{found.unseen} more {word_for(found.unseen, 'is', 'are')} not seen in either; "
-        f"{plural(found.differing_px, 'pixel differs', 'pixels differ')}"
+        f"\n{plural(len(comparison.pairs), 'instance', 'instances')} in both sources at "
+        f"{width}x{height}: {comparison.n_disagreeing} {disagree}; "
+        f"{comparison.unseen} more {word_for(comparison.unseen, 'is', 'are')} not seen in either; "
+        f"{plural(comparison.differing_px, 'pixel differs', 'pixels differ')}"
     )
-    yield from _one_sided("only in scene.blend", found.lost)
-    yield from _one_sided("only in scene.glb", found.gained)
-    for line in found.differences:
+    yield from _one_sided("only in scene.blend", comparison.lost)
+    yield from _one_sided("only in scene.glb", comparison.gained)
+    for line in comparison.differences:
         yield f"differs: {line}"
-    for source, inspection in (("scene.blend", found.blend), ("scene.glb", found.glb)):
+    for source, inspection in (("scene.blend", comparison.blend), ("scene.glb", comparison.glb)):
         for warning in inspection.warnings:
             out.notice(f"warning: {source}: {warning}")
 

@@ -268,8 +268,8 @@ def quiet(text: str) -> Decorator:
 
 
 def protections(*network: Decorator) -> Decorator:
-    """--sandbox as `held: Protections`. network: an option that gives the network, before it."""
-    return together("held", _protections, *network, option("--sandbox"))
+    """--sandbox as `protections`. network: an option that gives the network, before it."""
+    return together("protections", _protections, *network, option("--sandbox"))
 
 
 def memory_bytes(of: str) -> Decorator:

@@ -126,12 +126,12 @@ def command(
     return exit_codes.DONE if complete else exit_codes.INCOMPLETE
 
 
-def _started_ahead(given: ReadoutOptions) -> BlenderProcess | None:
+def _started_ahead(options: ReadoutOptions) -> BlenderProcess | None:
     """A Blender process that imports bpy while this process imports its own modules.
 
     It ends with this process. None where Blender may not be needed, such as with a snapshot cache.
     """
-    match given:
+    match options:
         case {
             "cache": False,
             "source": "blend",

@@ -80,7 +80,7 @@ def command(track: Path, output: Path, out: Output, **given: Any) -> int:
         nonlocal total
         total = trials
 
-    def told(row: TrialRow) -> None:
+    def report_trial(row: TrialRow) -> None:
         nonlocal done, tokens, dollars
         done += 1
         tokens += row.usage.completion_tokens or 0
@@ -95,7 +95,7 @@ def command(track: Path, output: Path, out: Output, **given: Any) -> int:
             f"{done}/{total} {row.scene} ({kept}, {row.checkpoints} checkpoints{spent}){said}"
         )
 
-    listener = replace(out.listener(), total=count, trial=told)
+    listener = replace(out.listener(), total=count, trial=report_trial)
     rows = reconstruct(track, output, listener=listener, **given)
     good = sum(row.status == "ok" for row in rows)
     shown = f"{share(good, len(rows), 'trial', 'trials')} left a scene -> {output}"

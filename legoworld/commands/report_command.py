@@ -64,11 +64,11 @@ def command(folders: tuple[Path, ...], output: Path, out: Output, **given: Any) 
     page = write_report(folders, output, **given)
     if page.left_out:
         out.notice(f"{page.left_out}; the page says why")
-    more = f" and {page.beside}" if page.beside else ""
+    more = f" and {page.assets_folder}" if page.assets_folder else ""
     out.show(
         {
             "report": str(output),
-            "beside": str(page.beside) if page.beside else None,
+            "beside": str(page.assets_folder) if page.assets_folder else None,
             "bytes": page.n_bytes,
             "views": page.views,
             "views_without_photo": page.views_without_photo,

@@ -99,28 +99,28 @@ def _document(score: PhotoScore, overlay: Path | None) -> dict[str, Storable]:
 
 
 def _lines(
-    found: PhotoScore, overlay: Path | None, output: Path | None, out: Output
+    score: PhotoScore, overlay: Path | None, output: Path | None, out: Output
 ) -> Iterator[str]:
     from legoworld.evaluation.family import load_evaluation_family
 
-    row = found.row
-    if found.execution is not None and found.execution.error is not None:
-        error = found.execution.error
+    row = score.row
+    if score.execution is not None and score.execution.error is not None:
+        error = score.execution.error
         yield (
             f"the program stopped at line {error.line}: {error.type}: {error.message}; "
             "the partial scene is scored"
         )
-    if found.summary is None:
+    if score.summary is None:
         yield f"{row.status}: {row.file_name}: {row.reason}"
         return
-    yield load_evaluation_family(found.summary.task).short(found.summary)
+    yield load_evaluation_family(score.summary.task).short(score.summary)
     names = tuple(f"the label {u.label!r} " for u in row.unmatched or ())
-    later = [one for one in found.advice[_SHORT:] if out.verbose or one.what.startswith(names)]
-    shown = [*found.advice[:_SHORT], *later]
+    later = [one for one in score.advice[_SHORT:] if out.verbose or one.what.startswith(names)]
+    shown = [*score.advice[:_SHORT], *later]
     for one in shown:
         yield f"{one.level}: {one.what}" + (f"; do: {one.do}" if one.do else "")
-    if len(shown) < len(found.advice):
-        more = plural(len(found.advice) - len(shown), "finding", "findings")
+    if len(shown) < len(score.advice):
+        more = plural(len(score.advice) - len(shown), "finding", "findings")
         yield f"... and {more} more (-v lists them)"
     if overlay is not None:
         yield f"overlay -> {overlay}"

@@ -165,11 +165,11 @@ def make_command(
     }
     alone = next(iter(infos.values()))
     document: Document = alone if len(infos) == 1 else {"tracks": str(output), "tasks": infos}
-    out.show(document, _shown({files[name]: one for name, one in made.items()}, seed))
+    out.show(document, _track_lines({files[name]: one for name, one in made.items()}, seed))
     return 0
 
 
-def _shown(tracks: Mapping[Path, MadeTrack], seed: int) -> Iterator[str]:
+def _track_lines(tracks: Mapping[Path, MadeTrack], seed: int) -> Iterator[str]:
     for path, made in tracks.items():
         info = made.info
         drawn = f", drawn with seed {seed}" if info.sample else ""

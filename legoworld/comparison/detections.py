@@ -41,17 +41,17 @@ from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.records.comparison import Better, Level
 
 
-def restrict_table(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:
-    """The match table of the kept images.
+def restrict_table(table: MatchTable, is_paired: NDArray[np.bool_]) -> MatchTable:
+    """The match table of the paired images.
 
-    kept: (images,). Ranks, caps and LVIS's verified categories are per image, so nothing is matched
-    again: the official evaluator gives the same on these images (checked by a test).
+    is_paired: (images,). Ranks, caps and LVIS's verified categories are per image, so nothing is
+    matched again: the official evaluator gives the same on these images (checked by a test).
     """
-    position = np.cumsum(kept) - 1
-    rows, cells = kept[table.image], kept[table.truth_image]
+    position = np.cumsum(is_paired) - 1
+    rows, cells = is_paired[table.image], is_paired[table.truth_image]
     return replace(
         table,
-        image_ids=table.image_ids[kept],
+        image_ids=table.image_ids[is_paired],
         image=position[table.image[rows]],
         category=table.category[rows],
         score=table.score[rows],
@@ -64,12 +64,12 @@ def restrict_table(table: MatchTable, kept: NDArray[np.bool_]) -> MatchTable:
     )
 
 
-def restrict_counts(counts: MatchedCounts, kept: NDArray[np.bool_]) -> MatchedCounts:
+def restrict_counts(counts: MatchedCounts, is_paired: NDArray[np.bool_]) -> MatchedCounts:
     """The score-free sums of the kept images, (images,) bool."""
-    position = np.cumsum(kept) - 1
-    cells = kept[counts.cell_image]
+    position = np.cumsum(is_paired) - 1
+    cells = is_paired[counts.cell_image]
     return MatchedCounts(
-        per_image=counts.per_image[kept],
+        per_image=counts.per_image[is_paired],
         cell_image=position[counts.cell_image[cells]],
         cell_category=counts.cell_category[cells],
         cell_n_gt=counts.cell_n_gt[cells],
@@ -125,31 +125,33 @@ def side_frequencies(side: StoredEvaluation, category_ids: NDArray[np.int64]) ->
     return np.array([letters.get(int(i), "") for i in category_ids])
 
 
-def measure_detections(side: StoredEvaluation, kept: NDArray[np.bool_], shared: Draws) -> Measures:
+def measure_detections(
+    side: StoredEvaluation, is_paired: NDArray[np.bool_], shared: Draws
+) -> Measures:
     """Every metric of `detection_metrics` over kept (images,) bool, from the recorded matches."""
     protocol, arrays = detection_protocol(side.task), side.matches
     frequencies = side_frequencies(side, arrays["category_ids"])
     measures: Measures = {}
-    table = restrict_table(outcomes.table_from(arrays, outcomes.OWN), kept)
+    table = restrict_table(outcomes.table_from(arrays, outcomes.OWN), is_paired)
     own = equal = _official(table, protocol, frequencies, shared)
     if _ranks(side):
-        table = restrict_table(outcomes.table_from(arrays, outcomes.EQUAL), kept)
+        table = restrict_table(outcomes.table_from(arrays, outcomes.EQUAL), is_paired)
         equal = _official(table, protocol, frequencies, shared)
     measures |= own | {EQUAL + name: measure for name, measure in equal.items()}
     measures[TIES] = _ties(table, shared, equal["AP"].over)
     images_with_truth = len(np.unique(table.truth_image))
     for kind, aware in zip(_KINDS, (True, False), strict=True):
-        counts = restrict_counts(outcomes.counts_from(arrays, class_aware=aware), kept)
+        counts = restrict_counts(outcomes.counts_from(arrays, class_aware=aware), is_paired)
         for name, measure in _score_free(counts, shared, spread=images_with_truth > 1).items():
             measures[f"{kind}.{name}"] = measure
-    return measures | _amodal(side, kept, shared)
+    return measures | _amodal(side, is_paired, shared)
 
 
-def _amodal(side: StoredEvaluation, kept: NDArray[np.bool_], shared: Draws) -> Measures:
+def _amodal(side: StoredEvaluation, is_paired: NDArray[np.bool_], shared: Draws) -> Measures:
     """Of amodal masks: what AP hides, from the rows; undefined without visible masks."""
     if not side.detection.amodal:
         return {}
-    sums = [row.amodal for row in side.kept_rows(kept)]
+    sums = [row.amodal for row in side.kept_rows(is_paired)]
     known = [one for one in sums if one]
     samples = amodal_metrics(known, shared.counts) if known else {}
     point = amodal_values(known) if known else {}

@@ -36,9 +36,9 @@ from legoworld.records.evaluation import Coverage
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """kept: (images,) bool, images in ascending id; dropped: the other images, with all reasons."""
+    """is_paired: (images,) bool, in ascending id; dropped: the other images, with all reasons."""
 
-    kept: NDArray[np.bool_]
+    is_paired: NDArray[np.bool_]
     dropped: tuple[Dropped, ...]
 
 
@@ -49,19 +49,19 @@ def pair_images(scene: StoredEvaluation, baseline: StoredEvaluation) -> Pairing:
     truth pixels. A bench's case is scored where the submission is valid.
     """
     dropped: list[Dropped] = []
-    kept = np.ones(len(scene.rows), bool)
+    is_paired = np.ones(len(scene.rows), bool)
     for k, rows in enumerate(zip(scene.rows, baseline.rows, strict=True)):
         reasons = [rows[0].truth_gap]
         for side, row in zip((scene, baseline), rows, strict=True):
             reasons.append(row.score_gap and f"{side.name}: {row.score_gap}")
         reasons = [reason for reason in reasons if reason]
         if reasons:
-            kept[k] = False
+            is_paired[k] = False
             row = rows[0]
             dropped.append(
                 Dropped(image_id=row.image_id, file_name=row.file_name, reasons=tuple(reasons))
             )
-    return Pairing(kept=kept, dropped=tuple(dropped))
+    return Pairing(is_paired=is_paired, dropped=tuple(dropped))
 
 
 def _note_differences(sides: Sequence[StoredEvaluation], family: ComparisonFamily) -> list[str]:
@@ -166,11 +166,11 @@ def _pair(
             with_truth=sum(row.has_truth for row in scene.rows),
             scene_scored=sum(row.has_score for row in scene.rows),
             baseline_scored=sum(row.has_score for row in baseline.rows),
-            paired=int(pairing.kept.sum()),
+            paired=int(pairing.is_paired.sum()),
         ),
-        paired_image_ids=tuple(i for i, keep in zip(ids, pairing.kept, strict=True) if keep),
+        paired_image_ids=tuple(i for i, keep in zip(ids, pairing.is_paired, strict=True) if keep),
         dropped=pairing.dropped,
-        rows=tuple(_measure_rows(scene, baseline, pairing.kept, settings, family, rule)),
+        rows=tuple(_measure_rows(scene, baseline, pairing.is_paired, settings, family, rule)),
     )
 
 

@@ -67,11 +67,11 @@ def measure_over_images(
     def measurer(
         _scene: StoredEvaluation,
         _images: Images,
-        kept: NDArray[np.bool_],
+        is_paired: NDArray[np.bool_],
         settings: ComparisonSettings,
     ) -> Measurer:
-        draws = shared_draws(int(kept.sum()), settings.draws, settings.seed)
-        return lambda side: measure(side, kept, draws)
+        draws = shared_draws(int(is_paired.sum()), settings.draws, settings.seed)
+        return lambda side: measure(side, is_paired, draws)
 
     return measurer
 

@@ -41,9 +41,9 @@ def _comparison(family: MapFamily) -> ComparisonFamily:
 
 
 def _measures(
-    family: MapFamily, side: StoredEvaluation, kept: NDArray[np.bool_], draws: Draws
+    family: MapFamily, side: StoredEvaluation, is_paired: NDArray[np.bool_], draws: Draws
 ) -> Measures:
-    rows: list[LabelMapRow] = side.kept_rows(kept)
+    rows: list[LabelMapRow] = side.kept_rows(is_paired)
     ids = present_categories(rows)
     known = {category.id: category.isthing for category in _summary(side).categories}
     things = np.array([known[number] for number in ids], bool)

@@ -62,7 +62,7 @@ def case_scores(side: StoredEvaluation) -> dict[str, tuple[float | None, float |
 def leaderboard(
     sides: Sequence[StoredEvaluation], *, draws: int = 10_000, seed: int = 0
 ) -> Leaderboard:
-    """One row for each agent and model, over as many runs as there are evaluations of it."""
+    """One row for each agent and model, over all its evaluated runs."""
     by_maker: dict[tuple[str, str], list[StoredEvaluation]] = {}
     for side in sides:
         by_maker.setdefault(_maker(side), []).append(side)
@@ -164,13 +164,13 @@ def _maker(side: StoredEvaluation) -> tuple[str, str]:
     """Agent and model that the run's scenes name; several are all named."""
     provenances = [one.provenance for one in recorded_provenance(side)]
 
-    def said(field: str) -> str:
+    def provenance_value(field: str) -> str:
         values = {
             str(p[field]) for p in provenances if isinstance(p, dict) and p.get(field) is not None
         }
         return " + ".join(sorted(values)) or NOT_RECORDED
 
-    return said("agent"), said("model")
+    return provenance_value("agent"), provenance_value("model")
 
 
 def _row(

@@ -37,30 +37,30 @@ class PixelComparison:
     notes: Callable[[Sequence[StoredEvaluation]], list[str]] = lambda _sides: []
 
 
-def pixel_comparison(compared: PixelComparison) -> ComparisonFamily:
+def pixel_comparison(family: PixelComparison) -> ComparisonFamily:
     """The comparison of a family."""
 
     def measurer(
         scene: StoredEvaluation,
         images: Images,
-        kept: NDArray[np.bool_],
+        is_paired: NDArray[np.bool_],
         settings: ComparisonSettings,
     ) -> Measurer:
-        groups = [row.group for row in scene.kept_rows(kept)]
+        groups = [row.group for row in scene.kept_rows(is_paired)]
         draws = draw_groups(groups, settings.draws, settings.seed)
-        return lambda side: measure_pixels(compared, side, images, kept, draws)
+        return lambda side: measure_pixels(family, side, images, is_paired, draws)
 
     return ComparisonFamily(
-        metrics=lambda _task: list_pixel_metrics(compared.family),
+        metrics=lambda _task: list_pixel_metrics(family.family),
         unit=lambda side: resampling_unit([row for row in _rows(side) if row.has_truth]),
         measurer=measurer,
         images=("scored", "attempted", "paired"),
         unpaired=lambda side: np.array([row.has_truth for row in side.rows], bool),
-        facts=lambda side: compared.facts(side, _facts(side)),
+        facts=lambda side: family.facts(side, _facts(side)),
         differences=lambda first, other: (
-            compared.differences(first, other) + _size_differences(first, other, compared.family)
+            family.differences(first, other) + _size_differences(first, other, family.family)
         ),
-        notes=lambda sides: _notes(sides, compared),
+        notes=lambda sides: _notes(sides, family),
     )
 
 
@@ -82,10 +82,10 @@ def list_pixel_metrics(family: PixelFamily) -> list[Metric]:
 
 
 def measure_pixels(
-    compared: PixelComparison,
+    family: PixelComparison,
     side: StoredEvaluation,
     images: Images,
-    kept: NDArray[np.bool_],
+    is_paired: NDArray[np.bool_],
     shared: GroupDraws,
 ) -> Measures:
     """Means of one side over the kept images, (images,) bool.
@@ -93,10 +93,10 @@ def measure_pixels(
     images "scored": the kept images that this side has scores for; "paired": all kept images are
     scored; "attempted": the one metric that a kept image without a score has a value of.
     """
-    rows: list[PixelRow] = side.kept_rows(kept)
-    pairs = metric_policies(compared.family.metrics)
+    rows: list[PixelRow] = side.kept_rows(is_paired)
+    pairs = metric_policies(family.family.metrics)
     if images == "attempted":
-        metric, summary = compared.family.metrics[0].name, cast("Any", side.summary)
+        metric, summary = family.family.metrics[0].name, cast("Any", side.summary)
         given = float(getattr(summary.all_attempted, f"missing_{metric}"))
         over = {"images": len(rows), "missing": sum(not row.has_score for row in rows)}
         return {
@@ -117,7 +117,7 @@ def measure_pixels(
             scored,
             shared,
             {"images": len(scored)},
-            compared.extra(scored, name, policy),
+            family.extra(scored, name, policy),
         )
         for name, policy in pairs
     }
@@ -175,12 +175,12 @@ def _size(side: StoredEvaluation) -> str:
     return "of full size" if _max_side(side) is None else f"resampled from {_max_side(side)} px"
 
 
-def _notes(sides: Sequence[StoredEvaluation], compared: PixelComparison) -> list[str]:
+def _notes(sides: Sequence[StoredEvaluation], family: PixelComparison) -> list[str]:
     return [
         "Images scored: each method over its own, so their differences are of other images.",
-        *compared.notes(sides),
+        *family.notes(sides),
         *(
-            f"{side.name}: {resampled} of {side.summary.coverage.scored} {compared.family.noun} "
+            f"{side.name}: {resampled} of {side.summary.coverage.scored} {family.family.noun} "
             "maps are smaller than the truth and were resampled to it."
             for side in sides
             if (resampled := _facts(side).resampled)

@@ -38,7 +38,7 @@ class RankedSides:
 def rank_sides(
     sides: Sequence[StoredEvaluation], metric_id: str, settings: ComparisonSettings
 ) -> RankedSides | None:
-    """Sides over one truth, by a metric of their comparison; None where a side lacks it."""
+    """Rank evaluations of one ground truth by a metric; None if one lacks it."""
     family = load_comparison_family(sides[0].task)
     kept = family.unpaired(sides[0])
     metric = next(m for m in family.metrics(sides[0].task) if m.id == metric_id)

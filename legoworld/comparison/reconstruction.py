@@ -32,13 +32,13 @@ def bench_metrics(task: str) -> list[Metric]:
 
 
 def measure_bench(
-    side: StoredEvaluation, images: Images, kept: NDArray[np.bool_], shared: GroupDraws
+    side: StoredEvaluation, images: Images, is_paired: NDArray[np.bool_], shared: GroupDraws
 ) -> Measures:
-    """A side's means over the kept cases. images "paired": V is 1 of all of them, so left out.
+    """A side's means over the paired cases. images "paired": V is 1 of all of them, so left out.
 
-    kept: (cases,) bool.
+    is_paired: (cases,) bool.
     """
-    rows: list[ReconstructionRow] = side.kept_rows(kept)
+    rows: list[ReconstructionRow] = side.kept_rows(is_paired)
     return {
         measure.name: _mean(measure, rows, shared)
         for measure in _measures(side.task)
@@ -84,11 +84,14 @@ def _differences(first: StoredEvaluation, other: StoredEvaluation) -> list[str]:
 
 
 def _measurer(
-    scene: StoredEvaluation, images: Images, kept: NDArray[np.bool_], settings: ComparisonSettings
+    scene: StoredEvaluation,
+    images: Images,
+    is_paired: NDArray[np.bool_],
+    settings: ComparisonSettings,
 ) -> Measurer:
-    families = [row.family for row in scene.kept_rows(kept)]
+    families = [row.family for row in scene.kept_rows(is_paired)]
     draws = draw_groups(families, settings.draws, settings.seed)
-    return lambda side: measure_bench(side, images, kept, draws)
+    return lambda side: measure_bench(side, images, is_paired, draws)
 
 
 COMPARISON: Final = ComparisonFamily(

@@ -30,8 +30,8 @@ def _metrics(_task: str) -> list[Metric]:
     ]
 
 
-def _measure(side: StoredEvaluation, kept: NDArray[np.bool_], draws: Draws) -> Measures:
-    rows: list[RelationsRow] = side.kept_rows(kept)
+def _measure(side: StoredEvaluation, is_paired: NDArray[np.bool_], draws: Draws) -> Measures:
+    rows: list[RelationsRow] = side.kept_rows(is_paired)
     measures = {}
     for name, guessed in METRICS.items():
         sums = metric_sums(name, rows)

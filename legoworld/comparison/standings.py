@@ -37,10 +37,10 @@ STANDARD: Final = ModelPrice(
 
 
 def with_standings(board: Leaderboard, sides: Sequence[StoredEvaluation]) -> Leaderboard:
-    """The board with ranks, pairs, and costs where scenes tell them in their provenance.json.
+    """Add ranks, paired differences, and costs recorded in the scenes' provenance.json.
 
-    By S over all attempted, by R where a row has no S. Every draw takes the same families for all
-    systems and runs. Without an interval over a single family.
+    Ranks are by S over all attempted cases, or by R if a row has no S. Each draw takes the same
+    families for all systems and runs. A single family has no interval.
     """
     rendered = all(row.groups[0].metrics["S"].mean is not None for row in board.rows)
     metric: Literal["S", "R"] = "S" if rendered else "R"
@@ -178,15 +178,15 @@ def _on_frontier(costs: Sequence[Cost], values: F64) -> Iterable[Cost]:
 
 
 def _money(cost: Cost) -> tuple[str, str]:
-    def shown(usd: float | None, told: int, frontier: bool) -> str:
+    def format_cost(usd: float | None, told: int, frontier: bool) -> str:
         if usd is None:
             return "-"
         some = "" if told == cost.trials else f" {told}/{cost.trials}"
         return f"{usd:.4f}{' *' if frontier else some}"
 
     return (
-        shown(cost.usd, cost.told, cost.frontier),
-        shown(cost.standard_usd, cost.standard_told, cost.standard_frontier),
+        format_cost(cost.usd, cost.told, cost.frontier),
+        format_cost(cost.standard_usd, cost.standard_told, cost.standard_frontier),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Final
 
 from legoworld.comparison.family import load_comparison_family
 from legoworld.errors import UsageError
+from legoworld.pluralize import nearest_names
 from legoworld.records.comparison import Comparison, ComparisonRow
 
 _PAIRED: Final = "paired."
@@ -63,7 +63,7 @@ def _parse(text: str, known: Sequence[str]) -> Threshold:
             expected="METRIC=DELTA, such as AP=-0.05 or paired.AP=0",
         )
     if metric not in known:
-        near = difflib.get_close_matches(metric, known, n=3, cutoff=0.0)
+        near = nearest_names(metric, known, cutoff=0.0)
         raise UsageError(
             "--fail-below names no metric of this task",
             found=repr(metric),

@@ -73,7 +73,7 @@ def _vectors(path: Path, channels: Mapping[str, NDArray[Any]]) -> tuple[NDArray[
         if len(found) == 3 and all(one.dtype in (np.float32, np.float16) for one in found):
             return np.stack(found, axis=-1).astype(np.float32), "".join(names)
     raise DepthFileError(
-        f"{path.name} is not one picture of 3 channels",
+        f"{path.name} is not a single 3-channel picture",
         found=", ".join(f"{n} {c.dtype}" for n, c in sorted(channels.items())) or "no channel",
         expected="R, G, B or X, Y, Z of floating-point numbers, each once",
     )

@@ -74,7 +74,7 @@ class LiveBlender:
         self,
         workspace: Path,
         limits: SandboxLimits,
-        held: Protections,
+        protections: Protections,
         *,
         blend: Path | None = None,
         inputs: Sequence[Path] = (),
@@ -85,7 +85,7 @@ class LiveBlender:
         scratch = self._folder.path / "sandbox"
         scratch.mkdir()
         self._sandbox = Sandbox(
-            scratch, limits, held, owner=self._folder.path, workspace=workspace, lease=lease
+            scratch, limits, protections, owner=self._folder.path, workspace=workspace, lease=lease
         )
         self._ending: Ending | None = None
         self._watch: threading.Thread | None = None

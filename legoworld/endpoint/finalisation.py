@@ -32,7 +32,7 @@ def finalise(
     *,
     workspace: Path,
     limits: SandboxLimits,
-    held: Protections,
+    protections: Protections,
     blender: BlenderProcess,
 ) -> Finalisation:
     """Export scene.blend, scene.glb and final.png into `made`, from the last saved scene.
@@ -43,7 +43,12 @@ def finalise(
     """
     refused = [record.spoilt] if record.spoilt else []
     export = partial(
-        export_submission, made=made, workspace=workspace, limits=limits, held=held, blender=blender
+        export_submission,
+        made=made,
+        workspace=workspace,
+        limits=limits,
+        protections=protections,
+        blender=blender,
     )
     for checkpoint in _candidates(record):
         try:
@@ -67,7 +72,7 @@ def export_submission(
     *,
     workspace: Path,
     limits: SandboxLimits,
-    held: Protections,
+    protections: Protections,
     blender: BlenderProcess,
     place: str = ".",
 ) -> list[str]:
@@ -77,7 +82,7 @@ def export_submission(
     the name of a folder below it to open it in instead. Raises
     BlenderEndedError or SceneInvalidError where it cannot be opened or saved.
     """
-    warnings = _export(blend, made, workspace, place, limits, held)
+    warnings = _export(blend, made, workspace, place, limits, protections)
     return [*warnings, *_check_files(made), *final_picture(blender, made)]
 
 
@@ -92,7 +97,7 @@ def _export(
     workspace: Path,
     place: str,
     limits: SandboxLimits,
-    held: Protections,
+    protections: Protections,
 ) -> list[str]:
     """Open, pack and export in the sandbox; what glTF cannot hold is a warning."""
     # An agent that has filled its workspace has used up its own room, not the runtime's.
@@ -102,7 +107,7 @@ def _export(
         # Relative paths of the scene are the workspace's: it is opened from there.
         opened = copy_into_workspace(blend, workspace, PurePath(place, ".finalised.blend"))
         try:
-            with LiveBlender(workspace, allowed, held, blend=opened) as live:
+            with LiveBlender(workspace, allowed, protections, blend=opened) as live:
                 reply = live.ask("finalise", {"output": live.path_inside("")}, _WITHIN_S / 2)
                 if reply.error is not None:
                     raise _not_exported(reply.error)

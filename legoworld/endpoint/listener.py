@@ -32,7 +32,7 @@ class Listener:
     """
 
     def __init__(self, port: int, accepted: Callable[[socket.socket], None]) -> None:
-        self._accepted = accepted
+        self._on_client = accepted
         self._over = threading.Event()
         try:
             self._socket = socket.create_server((HOST, port))
@@ -66,7 +66,7 @@ class Listener:
                 self._over.wait(_AGAIN_S)
                 continue
             try:
-                self._accepted(client)
+                self._on_client(client)
             except Exception:  # noqa: BLE001  such as no free thread: the next client is another
                 traceback.print_exc()
                 client.close()

@@ -29,7 +29,7 @@ class MessageSplitter:
         self._data = bytearray()
         self._at = 0  # where the search resumes
         self._depth = 0
-        self._quoted = False
+        self._in_string = False
         #: Whether the client ends its messages with newlines, and so wants to read them.
         self.newlines = False
 
@@ -69,7 +69,7 @@ class MessageSplitter:
     def _end(self) -> int | None:
         """End of the first message in the data; None while it is incomplete."""
         while True:
-            match = (_INSIDE if self._quoted else _OUTSIDE).search(self._data, self._at)
+            match = (_INSIDE if self._in_string else _OUTSIDE).search(self._data, self._at)
             if match is None:
                 self._at = len(self._data)
                 return None
@@ -82,7 +82,7 @@ class MessageSplitter:
                 continue
             self._at = at + 1
             if byte == b'"':
-                self._quoted = not self._quoted
+                self._in_string = not self._in_string
             else:
                 self._depth += 1 if byte in b"{[" else -1
                 if self._depth == 0:

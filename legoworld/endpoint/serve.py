@@ -25,7 +25,7 @@ class EndpointOptions:
     port: int
     workspace: Path | None
     inputs: Sequence[Path]
-    held: Protections
+    protections: Protections
     limits: SandboxLimits
     call_time_s: float
 
@@ -66,7 +66,7 @@ def open_endpoint(serving: EndpointOptions, *, notice: Callable[[str], None]) ->
             workspace=workspace,
             record=record,
             limits=serving.limits,
-            held=serving.held,
+            protections=serving.protections,
             inputs=serving.inputs,
             blend=serving.scene,
             call_time_s=serving.call_time_s,
@@ -76,7 +76,7 @@ def open_endpoint(serving: EndpointOptions, *, notice: Callable[[str], None]) ->
         if session.record.checkpoints:
             notice(f"continuing {record} after {len(session.record.calls)} calls")
         session.start()
-        held = serving.held
+        held = serving.protections
         notice(f"runs any code it is sent; kept from it: {', '.join(held.holds)}")
         if held.does_not_hold:
             why = f" ({held.why_not})" if held.why_not else ""

@@ -59,7 +59,7 @@ class Trial:
     workspace: Path
     record: Path
     limits: SandboxLimits
-    held: Protections
+    protections: Protections
     inputs: Sequence[Path] = ()
     blend: Path | None = None
     call_time_s: float = CALL_TIME_S
@@ -86,7 +86,7 @@ class Session:
         self._live: LiveBlender | None = None
         self._busy = threading.Lock()
         rows = self._record.calls
-        self._begun = time.monotonic() - (rows[-1].at_s + rows[-1].seconds if rows else 0.0)
+        self._start_s = time.monotonic() - (rows[-1].at_s + rows[-1].seconds if rows else 0.0)
         #: Of the open scene's file: a save of an unchanged scene has the same bytes.
         self._live_sha256 = ""
         #: Why the open scene is not the last one; cleared once reported to a client.
@@ -94,7 +94,7 @@ class Session:
         #: Whether a call above the trial's was asked for.
         self.over_calls = False
         #: Of the file that was looked at last; a continued trial looks at what is there once more.
-        self._saved: tuple[int, ...] | None = None if rows else self._saved_stamp()
+        self._last_stamp: tuple[int, ...] | None = None if rows else self._saved_stamp()
 
     @property
     def record(self) -> TrialRecord:
@@ -108,7 +108,7 @@ class Session:
 
     def restart_clock(self, used_s: float = 0.0) -> None:
         """Count times from now on: those of calls, and the trial's own, of which some is used."""
-        self._begun = time.monotonic() - used_s
+        self._start_s = time.monotonic() - used_s
 
     def answer(self, command: Command, by: Caller = "agent") -> Answer:
         """The answer to a command; a failure is an answer, too. by: who sent it."""
@@ -190,7 +190,7 @@ class Session:
             path = params.get("filepath")
             if not isinstance(path, str) or name_beneath(path, self._trial.workspace) is None:
                 raise NotShownError(
-                    "export_scene writes to the workspace alone",
+                    "export_scene writes only to the workspace",
                     found=str(path),
                     expected=f"a path below {self._trial.workspace.resolve()}",
                 )
@@ -242,7 +242,7 @@ class Session:
         return LiveBlender(
             self._trial.workspace,
             replace(limits, time_s=max(self._left_s(), 0.1)),
-            self._trial.held,
+            self._trial.protections,
             blend=self._trial.blend if last is None else self._copy_for_recovery(last),
             inputs=self._trial.inputs,
             lease=self._trial.lease,
@@ -285,9 +285,9 @@ class Session:
     def _keep_saved(self, call: int) -> Checkpoint | None:
         """Keep the scene.blend that the agent saved, before a later call can spoil it."""
         stamp = self._saved_stamp()
-        if stamp is None or stamp == self._saved:
+        if stamp is None or stamp == self._last_stamp:
             return None
-        self._saved = stamp
+        self._last_stamp = stamp
         return self._record.keep_saved(self._trial.workspace, call=call, at_s=self._at_s())
 
     def _saved_stamp(self) -> tuple[int, ...] | None:
@@ -306,7 +306,7 @@ class Session:
         return f"{error}; the next call finds Blender started anew, with the scene {where}"
 
     def _at_s(self) -> float:
-        return time.monotonic() - self._begun
+        return time.monotonic() - self._start_s
 
     def _left_s(self) -> float:
         return self._trial.limits.time_s - self._at_s()

@@ -40,5 +40,5 @@ def blender_finalise(
     record.keep_saved(workspace, call=len(calls), at_s=at_s)
     with BlenderProcess(Limits(memory_bytes=limits.memory_bytes)) as blender:
         return finalise(
-            record, output, workspace=workspace, limits=limits, held=held, blender=blender
+            record, output, workspace=workspace, limits=limits, protections=held, blender=blender
         )

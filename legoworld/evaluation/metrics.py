@@ -104,7 +104,7 @@ def _cells(row: MetricRow | None, *, constants: bool) -> Iterator[Cell]:
     if row is None:
         yield from ("-", "-", *["-"] * constants, "")
         return
-    yield row.number.alone
+    yield row.number.without_interval
     yield Spread(of=row.number)
     if constants:
         yield row.constant or "-"
@@ -132,7 +132,7 @@ def fraction(value: float | None) -> str:
 def bounds(interval: Interval | None) -> str:
     """An interval after a space, "" without one."""
     ends = interval.ends if interval else None
-    return f" {Number(value=None, ends=ends).spread}" if ends else ""
+    return f" {Number(value=None, ends=ends).interval_text}" if ends else ""
 
 
 def first_few(lines: Sequence[str], one: str, many: str) -> list[str]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.exports.bop_models import BopModels
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.exports.view import ExportedView, write_image
 from legoworld.files import readable_json, write_text
 from legoworld.pluralize import plural
@@ -40,7 +40,7 @@ _MM: Final = 1000.0
 Mask = NDArray[np.bool_]
 
 
-def write_views(views: Iterable[ExportedView], output: Path) -> Written:
+def write_views(views: Iterable[ExportedView], output: Path) -> ExportResult:
     """Write test/, models/, camera.json and test_targets_bop19.json.
 
     Every labelled instance with an amodal pixel in the frame has a pose. UsageError for an
@@ -76,7 +76,7 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
     if without_picture:
         count = plural(without_picture, "image", "images")
         lost.append(f"no rgb of {count}: no final.png of its size")
-    return Written(images=images, annotations=annotations, losses=tuple(lost))
+    return ExportResult(images=images, annotations=annotations, losses=tuple(lost))
 
 
 def visible_bop19(measured_mm: NDArray[Any], model_mm: NDArray[Any]) -> Mask:

@@ -11,7 +11,7 @@ from legoworld.errors import LegoWorldError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class ExportResult:
     """What an export wrote.
 
     losses: what the format cannot hold of it, as sentences. failed: the errors of scenes that could
@@ -28,9 +28,9 @@ class Written:
 class Format:
     """One format.
 
-    run: "module:function" of (run's folder, output, *, track) -> Written; views: of (views:
-    Iterable[ExportedView], output: a new folder) -> Written. None where the format is not written
-    from these. document: of (run or views, output, *, format, track, overwrite) -> what a file of
+    run: "module:function" of (run's folder, output, *, track) -> ExportResult; views: of (views:
+    Iterable[ExportedView], output: a new folder) -> ExportResult. None where these are no source
+    of it. document: of (run or views, output, *, format, track, overwrite) -> what a file of
     both holds, as a value.
     """
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.exports.view import ExportedView, write_image
 from legoworld.files import write_text
 from legoworld.readouts.boxes3d import box3d_exports
@@ -31,7 +31,7 @@ Named = tuple[str, Prediction]
 Matrix = Sequence[Sequence[float]] | NDArray[np.float64]
 
 
-def write_views(views: Iterable[ExportedView], output: Path) -> Written:
+def write_views(views: Iterable[ExportedView], output: Path) -> ExportResult:
     """Write label_2, calib and, where a scene has its picture, image_2; numbered from 0."""
     written: list[Named] = []
     images = 0
@@ -44,7 +44,7 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
         if picture is not None:
             write_image(output / "image_2" / f"{number:06d}.png", picture)
         written += named
-    return Written(images=images, annotations=len(written), losses=losses(written))
+    return ExportResult(images=images, annotations=len(written), losses=losses(written))
 
 
 def write_files(
@@ -84,7 +84,7 @@ def _labels(boxes: Sequence[Named], k: Matrix, size_wh: tuple[int, int]) -> str:
         ry = math.atan2(-axes[2, 0], axes[0, 0])
         alpha = math.remainder(ry - math.atan2(x, z), math.tau)
         left, top, w, h = extent_px(lines_px(corners, intrinsics), size_wh)
-        seen, cut = known(one.visibility), known(one.truncation)
+        seen, cut = share_or_unknown(one.visibility), share_or_unknown(one.truncation)
         occluded = 3 if seen < 0 else sum(seen < least for least in OCCLUSION)
         numbers = (alpha, left, top, left + w, top + h, height, width, length, x, y, z, ry)
         columns = [name.replace(" ", "_"), f"{cut:.6f}", str(occluded)]
@@ -105,6 +105,6 @@ def box_corners(one: Prediction) -> NDArray[np.float64]:
     return np.array(one.corners, np.float64)
 
 
-def known(share: float | UnsetType | None) -> float:
+def share_or_unknown(share: float | UnsetType | None) -> float:
     """A share; -1 where it is unknown, as in KITTI and Omni3D."""
     return float(share) if isinstance(share, int | float) else float(UNKNOWN)

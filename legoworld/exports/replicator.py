@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.exports.view import ExportedView, write_image
 from legoworld.files import Json, write_text
 from legoworld.scene.instances import Instance
@@ -33,7 +33,7 @@ _SPREAD: Final = 0x9E3779
 Color = tuple[int, int, int, int]
 
 
-def write_views(views: Iterable[ExportedView], output: Path) -> Written:
+def write_views(views: Iterable[ExportedView], output: Path) -> ExportResult:
     """Write the frames, numbered from 0. UsageError for an orthographic camera."""
     output.mkdir()
     images = annotations = without_picture = 0
@@ -49,7 +49,7 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
     lost = ["instances have names of objects in the place of prim paths"]
     if without_picture:
         lost.append(f"no rgb of {without_picture} of {images} frames: no final.png of their size")
-    return Written(images=images, annotations=annotations, losses=tuple(lost))
+    return ExportResult(images=images, annotations=annotations, losses=tuple(lost))
 
 
 def _write_depth(output: Path, number: int, view: ExportedView) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from legoworld.errors import UsageError
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.exports.view import ExportedView
 from legoworld.pluralize import plural
 from legoworld.scene.blender_process import BlenderProcess
@@ -33,7 +33,7 @@ _SAME: Final = 1e-4
 NONE: Final = -1
 
 
-def write_views(views: Iterable[ExportedView], output: Path) -> Written:
+def write_views(views: Iterable[ExportedView], output: Path) -> ExportResult:
     """Write SCENE/scene.usdc, textures beside it, of each scene once. UsageError: no .blend."""
     refuse_missing_usd()
     images = annotations = 0
@@ -56,7 +56,7 @@ def write_views(views: Iterable[ExportedView], output: Path) -> Written:
             names = ", ".join(missing[:5]) + (", ..." if missing[5:] else "")
             count = plural(len(missing), "labelled instance", "labelled instances")
             lost.append(f"{count} of {scene} without a prim of their own: {names}")
-    return Written(images=images, annotations=annotations, losses=tuple(lost))
+    return ExportResult(images=images, annotations=annotations, losses=tuple(lost))
 
 
 def _annotate(file: Path, view: ExportedView) -> tuple[int, list[str]]:
@@ -74,7 +74,7 @@ def _annotate(file: Path, view: ExportedView) -> tuple[int, list[str]]:
         while path:
             below.setdefault(path, set()).add(instance_id)
             path = path.rpartition("/")[0]
-    inside = _inside(view.grouping.nested)
+    inside = _inside(view.grouping.enclosing_instance)
     missing = []
     for instance in view.labelled():
         assert instance.category is not None

@@ -106,7 +106,7 @@ def list_worse(
     """
     pairs = list(zip(before, after, strict=True))
     own, others = pairs[:n_declared], pairs[n_declared:]
-    worse = [*_alone(own), *_together(own, others), *_broken(others)]
+    worse = [*_own_rule_violations(own), *_together(own, others), *_regressions(others)]
     order = {id(b): k for k, (b, _) in enumerate(pairs)}
     return tuple(
         Worse(requirement=a.requirement, before=b.residual, after=a.residual)
@@ -130,7 +130,7 @@ def _by_entity(pairs: Iterable[Pair]) -> dict[object, list[Pair]]:
     return found
 
 
-def _alone(pairs: Iterable[Pair]) -> Iterator[Pair]:
+def _own_rule_violations(pairs: Iterable[Pair]) -> Iterator[Pair]:
     """Those that say themselves what they want."""
     for b, a in pairs:
         rule = acceptance_rule(a.requirement)
@@ -160,7 +160,7 @@ def _gain(pairs: Sequence[Pair]) -> float:
     )
 
 
-def _broken(pairs: Iterable[Pair]) -> Iterator[Pair]:
+def _regressions(pairs: Iterable[Pair]) -> Iterator[Pair]:
     """Of earlier edits: what passed and does not."""
     for b, a in pairs:
         held = a.requirement.hard and acceptance_rule(a.requirement) != "together"

@@ -33,7 +33,7 @@ STATES: Final = "states"
 class Case(OpenLedger):
     """The tools over one ledger. live: the scene; evidence: of the photo, None without any.
 
-    require_transaction: edits that were made without one are refused; otherwise they are named.
+    require_transaction: refuse edits made outside a transaction; otherwise report them.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Case(OpenLedger):
                 expected=f"at most {self._limits.transactions}",
                 next_step="export the scene as it is",
             )
-        wanted = (*declaration.requirements, *self._guarded(declaration))
+        wanted = (*declaration.requirements, *self._protected_requirements(declaration))
         scene, base = self.live.read(keep=True, render_wh=self._render_wh(wanted))
         self.note(scene)
         unguarded = self.unguarded_changes(scene.state)
@@ -134,7 +134,7 @@ class Case(OpenLedger):
             "report": as_json(measure(scene, wanted, self.evidence)) if wanted else None,
         }
 
-    def _guarded(self, declaration: Declaration) -> tuple[Requirement, ...]:
+    def _protected_requirements(self, declaration: Declaration) -> tuple[Requirement, ...]:
         """What earlier transactions required of other entities: this one must not break it."""
         own = {*declaration.editable}
         return tuple(

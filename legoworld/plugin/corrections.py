@@ -25,7 +25,7 @@ _LONGEST: Final = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Viewed:
+class ViewedEntity:
     """An entity in a picture. depth_m: along the camera's axis; middle_m: of its world box."""
 
     snapshot: Snapshot

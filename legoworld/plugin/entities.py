@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from legoworld.pluralize import nearest_names
 from legoworld.scene.snapshot import Snapshot
 from legoworld.solids.meshes import surface_points_m, surfaces_solid
 
@@ -17,7 +17,7 @@ class Entities:
 
     def __init__(self, snapshot: Snapshot) -> None:
         self.snapshot = snapshot
-        self._known: dict[str, NDArray[np.bool_] | None] = {}
+        self._surfaces_by_name: dict[str, NDArray[np.bool_] | None] = {}
 
     def surfaces(self, name: str) -> NDArray[np.bool_] | None:
         """(S,) bool: the surfaces of an object or a collection; None for a name the scene lacks.
@@ -26,16 +26,16 @@ class Entities:
         collection: of all objects in it and below it. An object wins over a collection of the same
         name.
         """
-        if name not in self._known:
-            self._known[name] = self._surfaces(name)
-        return self._known[name]
+        if name not in self._surfaces_by_name:
+            self._surfaces_by_name[name] = self._surfaces(name)
+        return self._surfaces_by_name[name]
 
     def nearest(self, name: str) -> list[str]:
         """The names most like one that the scene does not have."""
         names = {o.name for o in self.snapshot.objects} | {
             c.name for c in self.snapshot.collections
         }
-        return difflib.get_close_matches(name, sorted(names), n=3)
+        return nearest_names(name, sorted(names))
 
     def points_m(self, name: str) -> NDArray[np.float64]:
         """(N, 3) float64: the world coordinates of an entity's vertices, metres."""

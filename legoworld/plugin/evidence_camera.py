@@ -27,23 +27,22 @@ class CameraProblem(NamedTuple):
 
 
 def camera_evidence(
-    photo: NDArray[np.uint8], hfov_deg: float | None, provided: ProviderCamera | None
+    photo: NDArray[np.uint8], hfov_deg: float | None, provider_camera: ProviderCamera | None
 ) -> CameraEvidence:
     """The camera of a photo, (H, W, 3), as far as it is known; what is not known says why.
 
-    provided: a provider's, which `camera_problem` has nothing against. A rotation that it lacks is
-    estimated.
+    provider_camera: without a `camera_problem`. A rotation that it lacks is estimated.
     """
-    if provided is None:
+    if provider_camera is None:
         return _estimate_camera(photo, hfov_deg, None if hfov_deg is None else "given")
-    hfov = math.degrees(2 * math.atan(provided.width / 2 / provided.fx))
-    if provided.world_from_cam_rotation is None:
-        return _estimate_camera(photo, hfov, provided.source)
+    hfov = math.degrees(2 * math.atan(provider_camera.width / 2 / provider_camera.fx))
+    if provider_camera.world_from_cam_rotation is None:
+        return _estimate_camera(photo, hfov, provider_camera.source)
     return CameraEvidence(
         hfov_deg=hfov,
-        hfov_source=provided.source,
-        world_from_cam_rotation=provided.world_from_cam_rotation,
-        rotation_source=provided.source,
+        hfov_source=provider_camera.source,
+        world_from_cam_rotation=provider_camera.world_from_cam_rotation,
+        rotation_source=provider_camera.source,
         unknown=None,
     )
 

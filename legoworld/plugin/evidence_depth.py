@@ -36,12 +36,12 @@ class GivenDepth:
 _GRID_TOLERANCE: Final = 0.05
 
 
-def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> DepthEvidence:
+def write_depth(given_depth: GivenDepth, size_wh: tuple[int, int], output: Path) -> DepthEvidence:
     """Write depth.npz at the photo's size. EvidenceInvalidError if it is not depth of the photo."""
-    path = given.path
+    path = given_depth.path
     values = _array(path)
     if values.shape != size_wh[::-1]:
-        _refuse_another_shape(values.shape, size_wh, known=given.of_photo)
+        _refuse_another_shape(values.shape, size_wh, known=given_depth.of_photo)
         values = _resize_depth(values, size_wh)
     if np.count_nonzero(np.isfinite(values)) < 16:
         raise EvidenceInvalidError(
@@ -52,8 +52,8 @@ def write_depth(given: GivenDepth, size_wh: tuple[int, int], output: Path) -> De
     write_npz(output / DEPTH, {"values": values})
     return DepthEvidence(
         sha256=sha256_of_file(output / DEPTH),
-        space=given.space,
-        source=given.source,
+        space=given_depth.space,
+        source=given_depth.source,
     )
 
 

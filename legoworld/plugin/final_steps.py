@@ -156,7 +156,7 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
                     workspace=copy.workspace,
                     place=copy.folder,
                     limits=_EXPORT_LIMITS,
-                    held=protections("auto"),
+                    protections=protections("auto"),
                     blender=renderer,
                 )
             step(2, 4, "reading the exported scene")
@@ -173,8 +173,8 @@ def export(case: Case, *, render_wh: tuple[int, int] = RENDER_WH) -> Export:
     return case.record("export", {"render_wh": list(render_wh)}, call)
 
 
-def _refuse_other_geometry(exported: LiveScene, scene: LiveScene) -> None:
-    signature = exported.state.geometry_signature
+def _refuse_other_geometry(exported_scene: LiveScene, scene: LiveScene) -> None:
+    signature = exported_scene.state.geometry_signature
     if signature != scene.state.geometry_signature or signature == NOTHING:
         raise SceneInvalidError(
             "the exported scene is not the live one",

@@ -63,15 +63,15 @@ class SettingsFile:
     after: str | None
 
 
-def install(wanted: InstallPlan) -> list[SettingsFile]:
+def install(plan: InstallPlan) -> list[SettingsFile]:
     """Plan an installation without writing; an existing one is replaced.
 
     SettingsError for settings that are broken, or have another server of this name.
     """
-    texts = {w.path: w.after for w in uninstall(wanted.dialect, wanted.project)}
+    texts = {w.path: w.after for w in uninstall(plan.dialect, plan.project)}
     files = []
-    for path, skeleton, additions in _contents(wanted):
-        known = texts[path] if path in texts else _text(wanted.project / path)
+    for path, skeleton, additions in _contents(plan):
+        known = texts[path] if path in texts else _text(plan.project / path)
         text = skeleton if known is None else known
         fragments: list[str] = []
         for where, value in additions:
@@ -82,8 +82,8 @@ def install(wanted: InstallPlan) -> list[SettingsFile]:
                   fragments=tuple(fragments))
         )  # fmt: skip
         texts[path] = text
-    texts[_record(wanted.dialect)] = readable(InstalledFile(files=tuple(files)))
-    return [_settings_file(wanted.project, path, text) for path, text in texts.items()]
+    texts[_record(plan.dialect)] = readable(InstalledFile(files=tuple(files)))
+    return [_settings_file(plan.project, path, text) for path, text in texts.items()]
 
 
 def uninstall(dialect: Dialect, project: Path) -> list[SettingsFile]:
@@ -97,7 +97,7 @@ def uninstall(dialect: Dialect, project: Path) -> list[SettingsFile]:
     try:
         installed = decode(InstalledFile, record)
     except RecordError as error:
-        raise _broken(_record(dialect), str(error)) from error
+        raise _settings_error(_record(dialect), str(error)) from error
     changed = [_settings_file(project, f.path, _restore_text(project, f)) for f in installed.files]
     return [*changed, _settings_file(project, _record(dialect), None)]
 
@@ -117,52 +117,52 @@ def write(project: Path, changes: Sequence[SettingsFile]) -> None:
                 folder = folder.parent
 
 
-def _contents(wanted: InstallPlan) -> Iterator[tuple[str, str, list[_Addition]]]:
+def _contents(plan: InstallPlan) -> Iterator[tuple[str, str, list[_Addition]]]:
     """Each file: its path, its text where there is none yet, and what is added to it."""
     server = {"command": sys.executable, "args": ["-m", "legoworld", "plugin", "serve",
-                                                  *wanted.serve]}  # fmt: skip
+                                                  *plan.serve]}  # fmt: skip
     mcp: list[_Addition] = [(("mcpServers", _NAME), server)]
-    folder = _FOLDER[wanted.dialect]
-    if wanted.dialect == "claude":
+    folder = _FOLDER[plan.dialect]
+    if plan.dialect == "claude":
         yield ".mcp.json", "{}\n", mcp
-        yield f"{folder}/settings.json", "{}\n", list(_matched_hooks(wanted))
-    elif wanted.dialect == "codex":
+        yield f"{folder}/settings.json", "{}\n", list(_matched_hooks(plan))
+    elif plan.dialect == "codex":
         yield f"{folder}/config.toml", "", [((), server)]
-        yield f"{folder}/hooks.json", "{}\n", list(_matched_hooks(wanted))
+        yield f"{folder}/hooks.json", "{}\n", list(_matched_hooks(plan))
     else:
         yield f"{folder}/mcp.json", "{}\n", mcp
-        yield f"{folder}/hooks.json", '{\n  "version": 1\n}\n', list(_cursor_hooks(wanted))
+        yield f"{folder}/hooks.json", '{\n  "version": 1\n}\n', list(_cursor_hooks(plan))
     yield (
-        _SKILL[wanted.dialect],
+        _SKILL[plan.dialect],
         "",
         [((), (Path(__file__).with_name("SKILL.md")).read_text("utf-8"))],
     )
 
 
-def _matched_hooks(wanted: InstallPlan) -> Iterator[_Addition]:
+def _matched_hooks(plan: InstallPlan) -> Iterator[_Addition]:
     """Claude Code's form, which Codex shares."""
     names = "|".join([*EDITING, *(f"{start}.*" for start in EDITING_STARTS)])
-    run: Json = {"type": "command", "command": hook_command(wanted), "timeout": _TIMEOUT_S}
+    run: Json = {"type": "command", "command": hook_command(plan), "timeout": _TIMEOUT_S}
     for event in ("PreToolUse", "PostToolUse"):
         yield ("hooks", event), [{"matcher": f"mcp__.*__({names})", "hooks": [run]}]
     yield ("hooks", "Stop"), [{"hooks": [run]}]
 
 
-def _cursor_hooks(wanted: InstallPlan) -> Iterator[_Addition]:
-    run: dict[str, Json] = {"command": hook_command(wanted)}
+def _cursor_hooks(plan: InstallPlan) -> Iterator[_Addition]:
+    run: dict[str, Json] = {"command": hook_command(plan)}
     yield ("hooks", "beforeMCPExecution"), [{**run, "failClosed": True}]
     yield ("hooks", "afterMCPExecution"), [run]
     yield ("hooks", "stop"), [{**run, "loop_limit": MOST_BLOCKS}]
 
 
-def hook_command(wanted: InstallPlan) -> str:
+def hook_command(plan: InstallPlan) -> str:
     """The hook as a shell runs it: whatever ends it, a program that is gone included, blocks.
 
     The harnesses let a call pass when its hook ends with any code but 0 and 2.
     """
-    words = [sys.executable, "-m", "legoworld", "plugin", "hook", "--dialect", wanted.dialect,
-             "--ledger", str(wanted.ledger)]  # fmt: skip
-    if wanted.require_transaction:
+    words = [sys.executable, "-m", "legoworld", "plugin", "hook", "--dialect", plan.dialect,
+             "--ledger", str(plan.ledger)]  # fmt: skip
+    if plan.require_transaction:
         words.append("--require-transaction")
     return f"{shlex.join(words)} || exit 2"
 
@@ -174,18 +174,18 @@ def _add_setting(
         try:
             document = json.loads(text)
         except ValueError as error:
-            raise _broken(path, f"not JSON: {error}") from error
+            raise _settings_error(path, f"not JSON: {error}") from error
         version = document.get("version") if isinstance(document, dict) else 1
         if path.endswith("cursor/hooks.json") and version != 1:
-            raise _broken(path, f"version {version!r}, not 1")
+            raise _settings_error(path, f"version {version!r}, not 1")
         try:
             return add_value(text, where, value)
         except ValueError as error:
-            raise _broken(path, str(error)) from error
+            raise _settings_error(path, str(error)) from error
     if path.endswith(".toml"):
         return _add_table(path, text, cast("Mapping[str, Json]", value))
     if text and text != value:
-        raise _broken(path, "another file of that name")
+        raise _settings_error(path, "another file of that name")
     return str(value), [] if text else [str(value)]
 
 
@@ -193,9 +193,9 @@ def _add_table(path: str, text: str, server: Mapping[str, Json]) -> tuple[str, l
     try:
         servers = tomllib.loads(text).get("mcp_servers", {})
     except tomllib.TOMLDecodeError as error:
-        raise _broken(path, f"not TOML: {error}") from error
+        raise _settings_error(path, f"not TOML: {error}") from error
     if _NAME in servers:
-        raise _broken(path, f"mcp_servers.{_NAME} is there already")
+        raise _settings_error(path, f"mcp_servers.{_NAME} is there already")
     gap = "" if not text else "\n" if text.endswith("\n") else "\n\n"
     # JSON's strings and lists of strings are TOML's, too.
     table = f"{gap}[mcp_servers.{_NAME}]\n" + "".join(
@@ -204,7 +204,7 @@ def _add_table(path: str, text: str, server: Mapping[str, Json]) -> tuple[str, l
     try:
         tomllib.loads(text + table)
     except tomllib.TOMLDecodeError as error:
-        raise _broken(path, f"a table cannot be added: {error}") from error
+        raise _settings_error(path, f"a table cannot be added: {error}") from error
     return text + table, [table]
 
 
@@ -233,7 +233,7 @@ def _text(path: Path) -> str | None:
     except FileNotFoundError:
         return None
     except (UnicodeDecodeError, OSError) as error:
-        raise _broken(path.name, cause(error)) from error
+        raise _settings_error(path.name, cause(error)) from error
 
 
 def _settings_file(project: Path, path: str, after: str | None) -> SettingsFile:
@@ -244,7 +244,7 @@ def _record(dialect: Dialect) -> str:
     return f"{_FOLDER[dialect]}/{RECORD}"
 
 
-def _broken(path: str, found: str) -> SettingsError:
+def _settings_error(path: str, found: str) -> SettingsError:
     return SettingsError(
         f"{path} cannot be changed",
         found=found,
@@ -255,8 +255,8 @@ def _broken(path: str, found: str) -> SettingsError:
 
 def _edited_error(path: str) -> SettingsError:
     return SettingsError(
-        f"what was added to {path} has been edited since",
-        found="other lines than were put in",
+        f"the lines that legoworld added to {path} were edited",
+        found="lines that differ from those added",
         expected=f"the lines that {RECORD} names",
         next_step=f"remove legoworld's lines by hand, then delete {RECORD}",
     )

@@ -25,30 +25,30 @@ class Interruption:
     """
 
     def __init__(self) -> None:
-        self._asked = Event()
+        self._request = Event()
         #: What ends the wait of any call.
         self.ends: list[Callable[[], None]] = []
         self._report: Report | None = None
 
     @property
-    def asked(self) -> bool:
+    def is_requested(self) -> bool:
         """Whether the running call has to end."""
-        return self._asked.is_set()
+        return self._request.is_set()
 
     def begin(self, report: Report | None) -> None:
-        """Another call: nothing was asked of it. report: told of its steps."""
-        self._asked.clear()
+        """Another call: no interruption is requested yet. report: called at each step."""
+        self._request.clear()
         self._report = report
 
     def ask(self) -> None:
         """End the running call: every process and line that it waits for."""
-        self._asked.set()
+        self._request.set()
         for end in [*self.ends]:
             end()
 
     def step(self, number: int, of: int, what: str) -> None:
         """Before a step of the call. CancelledCallError where it has to end."""
-        if self.asked:
+        if self.is_requested:
             raise cancelled_error()
         if self._report is not None:
             self._report(number, of, what)
@@ -58,7 +58,7 @@ class Interruption:
         """What ends the wait of a block."""
         self.ends.append(end)
         try:
-            if self.asked:
+            if self.is_requested:
                 raise cancelled_error()
             yield
         finally:

@@ -37,7 +37,7 @@ class Ledger:
             with self.path.open("rb+") as stream:
                 stream.truncate(whole)
         #: Of all that is in the file, as far as this process knows.
-        self._written = hashlib.sha256(self._bytes())
+        self._written_hash = hashlib.sha256(self._bytes())
 
     def append(
         self,
@@ -55,7 +55,7 @@ class Ledger:
 
         LedgerBrokenError if the file changed since it was last read or written here.
         """
-        if hashlib.sha256(self._bytes()).digest() != self._written.digest():
+        if hashlib.sha256(self._bytes()).digest() != self._written_hash.digest():
             raise LedgerBrokenError(
                 f"{LEDGER} was changed by another program",
                 found="another file than the one this server wrote",
@@ -80,7 +80,7 @@ class Ledger:
             stream.write(line)
             stream.flush()
             os.fsync(stream.fileno())
-        self._written.update(line)
+        self._written_hash.update(line)
         self.entries.append(entry)
         return entry
 
@@ -138,14 +138,14 @@ def _read_entries(path: Path) -> tuple[list[Entry], int]:
         try:
             entry = decode(Entry, line)
         except RecordError as error:
-            raise _broken(number, str(error)) from error
+            raise _broken_line(number, str(error)) from error
         previous = entries[-1].sha256 if entries else _FIRST
         if entry.seq != number:
-            raise _broken(number, f"entry {entry.seq}")
+            raise _broken_line(number, f"entry {entry.seq}")
         if entry.previous != previous:
-            raise _broken(number, "it does not follow the line before")
+            raise _broken_line(number, "it does not follow the line before")
         if _sha256(entry) != entry.sha256 or canonical(entry).encode() != line:
-            raise _broken(number, "it was changed after it was written")
+            raise _broken_line(number, "it was changed after it was written")
         entries.append(entry)
     return entries, whole
 
@@ -154,7 +154,7 @@ def _sha256(entry: Entry) -> str:
     return sha256_of_text(canonical(msgspec.structs.replace(entry, sha256="")))
 
 
-def _broken(number: int, found: str) -> LedgerBrokenError:
+def _broken_line(number: int, found: str) -> LedgerBrokenError:
     return LedgerBrokenError(
         f"line {number} of {LEDGER} cannot be trusted",
         found=found,

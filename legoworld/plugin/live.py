@@ -111,7 +111,7 @@ class LiveBlender:
         with self.save_copy() as copy:
             before = copy.sha256()
             scene = read_live(copy.path, self.reader)
-            if render_wh is not None and not isinstance(scene.shown, LegoWorldError):
+            if render_wh is not None and not isinstance(scene.reading, LegoWorldError):
                 render = render_small(copy.path, self.reader, render_wh)
                 scene = dataclasses.replace(scene, render=render)
             kept = copy.keep(self._store).stem if keep else None
@@ -141,7 +141,7 @@ class LiveBlender:
         """
         copy, filepath = self._save()  # where the open file is, and a place Blender can read
         try:
-            copy.put(self._store / f"{sha256}.blend")
+            copy.write(self._store / f"{sha256}.blend")
             code = _RESTORE.format(copy=str(copy.path), filepath=filepath, aside=_ASIDE)
             self._blender.run(_RECOVER + code)
         finally:
@@ -166,7 +166,7 @@ class LiveBlender:
             self.recovered = answer.get("recovered") or self.recovered
         except (ValueError, LookupError, TypeError) as error:
             raise BlenderRefusedError(
-                "Blender did not say where it saved the copy",
+                "Blender did not report the path of the saved copy",
                 found=said[-200:],
                 expected="one line of JSON",
             ) from error

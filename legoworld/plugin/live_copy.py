@@ -53,7 +53,7 @@ class LiveCopy:
                 raise self._refused_error("no such file")
         return incoming.replace(store / f"{sha256_of_file(incoming)}.blend")
 
-    def put(self, stored: Path) -> None:
+    def write(self, stored: Path) -> None:
         """Write a file of ours in its place."""
         with self._files() as files:
             files.copy_in(stored, self._name)

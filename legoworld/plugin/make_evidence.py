@@ -89,7 +89,7 @@ class UserEvidence:
 
     image_id: of the photo in a results file; vocabulary: of its category ids; all_images: the
     results are of a whole track, where a photo may have none. runs: folders of
-    baselines that saw the photo; camera: a provider's file; provided: a provider's answer.
+    baselines that saw the photo; camera: a provider's file; baseline: a provider's answer.
     """
 
     photo: Path
@@ -102,56 +102,56 @@ class UserEvidence:
     all_images: bool = False
     runs: Sequence[Path] = ()
     camera: Path | None = None
-    provided: BaselineEvidence | None = None
+    baseline: BaselineEvidence | None = None
 
 
-def make_evidence(given: UserEvidence, output: Path) -> EvidenceFile:
+def make_evidence(inputs: UserEvidence, output: Path) -> EvidenceFile:
     """Write evidence.json and, with depth, depth.npz. EvidenceInvalidError names what is wrong."""
-    photo = read_photo(given.photo)
-    about = _photo_evidence(given.photo, photo)
+    photo = read_photo(inputs.photo)
+    about = _photo_evidence(inputs.photo, photo)
     size_wh = about.width, about.height
-    runs = [of_run(folder, about.sha256) for folder in given.runs]
-    regions = [r for path in given.regions for r in _regions(path, given, size_wh)]
-    regions += [r for run in runs for r in _regions_from_run(run, given, size_wh)]
+    runs = [of_run(folder, about.sha256) for folder in inputs.runs]
+    regions = [r for path in inputs.regions for r in _regions(path, inputs, size_wh)]
+    regions += [r for run in runs for r in _regions_from_run(run, inputs, size_wh)]
     _refuse_repeated(regions)
-    camera = _camera(photo, about, given)
+    camera = _camera(photo, about, inputs)
     output.mkdir(parents=True, exist_ok=True)
-    if given.provided is not None:
-        write_text(output / CAMERA, readable(given.provided.camera))
+    if inputs.baseline is not None:
+        write_text(output / CAMERA, readable(inputs.baseline.camera))
     file = EvidenceFile(
         photo=about,
         regions=tuple(sorted(regions, key=lambda region: region.name)),
-        depth=_depth(given, runs, size_wh, output),
+        depth=_depth(inputs, runs, size_wh, output),
         camera=camera,
-        provider=UNSET if given.provided is None else given.provided.record,
+        provider=UNSET if inputs.baseline is None else inputs.baseline.record,
     )
     write_text(output / EVIDENCE, readable(file))
     return file
 
 
-def _camera(photo: NDArray[np.uint8], about: PhotoEvidence, given: UserEvidence) -> CameraEvidence:
+def _camera(photo: NDArray[np.uint8], about: PhotoEvidence, inputs: UserEvidence) -> CameraEvidence:
     """A file that cannot be used is refused; a model's answer that cannot be is unknown."""
-    camera = None if given.camera is None else read_camera(given.camera, about)
-    if given.provided is not None:
-        camera = given.provided.camera
+    camera = None if inputs.camera is None else read_camera(inputs.camera, about)
+    if inputs.baseline is not None:
+        camera = inputs.baseline.camera
         if problem := camera_problem(camera, about):
             return unusable_camera(camera, problem)
-    return camera_evidence(photo, given.hfov_deg, camera)
+    return camera_evidence(photo, inputs.hfov_deg, camera)
 
 
 def _depth(
-    given: UserEvidence, runs: Sequence[RunEvidence], size_wh: tuple[int, int], output: Path
+    inputs: UserEvidence, runs: Sequence[RunEvidence], size_wh: tuple[int, int], output: Path
 ) -> DepthEvidence | None:
     sources = [
         GivenDepth(path=run.depth, space=run.space, source=run.source, of_photo=True)
         for run in runs
         if run.depth is not None
     ]
-    if given.depth is not None:
-        path, space = given.depth, given.depth_space
+    if inputs.depth is not None:
+        path, space = inputs.depth, inputs.depth_space
         sources.append(GivenDepth(path=path, space=space, source=path.name, of_photo=False))
-    if given.provided is not None and given.provided.depth is not None:
-        sources.append(given.provided.depth)
+    if inputs.baseline is not None and inputs.baseline.depth is not None:
+        sources.append(inputs.baseline.depth)
     if len(sources) > 1:
         raise EvidenceInvalidError(
             "there are two depths of the photo",
@@ -165,10 +165,10 @@ def _depth(
 
 
 def _regions_from_run(
-    run: RunEvidence, given: UserEvidence, size_wh: tuple[int, int]
+    run: RunEvidence, inputs: UserEvidence, size_wh: tuple[int, int]
 ) -> Iterator[Region]:
     if run.results is not None:
-        about = replace(given, image_id=run.image_id, vocabulary=run.vocabulary, all_images=True)
+        about = replace(inputs, image_id=run.image_id, vocabulary=run.vocabulary, all_images=True)
         entries = decode(list[Detection], run.results)
         yield from _regions_from_results(entries, run.source, about, size_wh)
 
@@ -192,12 +192,12 @@ def _photo_evidence(path: Path, photo: NDArray[np.uint8]) -> PhotoEvidence:
     )
 
 
-def _regions(path: Path, given: UserEvidence, size_wh: tuple[int, int]) -> Iterator[Region]:
+def _regions(path: Path, inputs: UserEvidence, size_wh: tuple[int, int]) -> Iterator[Region]:
     data = path.read_bytes()
     try:
         if data.lstrip().startswith(b"["):
             yield from _regions_from_results(
-                decode(list[Detection], data), path.name, given, size_wh
+                decode(list[Detection], data), path.name, inputs, size_wh
             )
         else:
             yield from _regions_from_outlines(decode(Outlines, data), path.name, size_wh)
@@ -225,13 +225,13 @@ def _regions_from_outlines(
 
 
 def _regions_from_results(
-    entries: list[Detection], source: str, given: UserEvidence, size_wh: tuple[int, int]
+    entries: list[Detection], source: str, inputs: UserEvidence, size_wh: tuple[int, int]
 ) -> Iterator[Region]:
     images = {entry.image_id for entry in entries}
-    image_id = given.image_id
+    image_id = inputs.image_id
     if image_id is None and len(images) == 1:
         image_id = next(iter(images))
-    if given.all_images and image_id not in images:
+    if inputs.all_images and image_id not in images:
         return
     if image_id is None or image_id not in images:
         raise EvidenceInvalidError(
@@ -241,7 +241,7 @@ def _regions_from_results(
             expected="results of the photo",
             next_step="pass --image-id with the photo's id in that file",
         )
-    names = {c.id: c.name for c in given.vocabulary.categories} if given.vocabulary else {}
+    names = {c.id: c.name for c in inputs.vocabulary.categories} if inputs.vocabulary else {}
     kept = [e for e in entries if e.image_id == image_id and e.score >= LEAST_SCORE]
     numbered: Counter[str] = Counter()
     for entry in sorted(kept, key=lambda entry: -entry.score):

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from legoworld.errors import LegoWorldError
 from legoworld.plugin import residuals
 from legoworld.plugin.acceptance import blocks
-from legoworld.plugin.corrections import Viewed, is_cut
+from legoworld.plugin.corrections import ViewedEntity, is_cut
 from legoworld.plugin.evidence import Evidence
-from legoworld.plugin.measure_world import InTheWorld, Measured, UnknownError, UnmetError
-from legoworld.plugin.small_render import mean_lab, rec709_luma, spread
+from legoworld.plugin.measure_world import Measured, UnknownError, UnmetError, WorldMeasurement
+from legoworld.plugin.small_render import mean_lab, rec709_luma, upscale_nearest
 from legoworld.plugin.state import LiveScene
 from legoworld.pluralize import first_few
 from legoworld.readouts.filled_view import with_surfaces
@@ -51,10 +51,10 @@ def measure(
 
     size_wh: of the view; the photo's size with evidence, else the scene's own when None.
     """
-    if isinstance(scene.shown, LegoWorldError):
+    if isinstance(scene.reading, LegoWorldError):
         size = evidence.size_wh if evidence else size_wh or (0, 0)
         results = tuple(
-            _unmeasured(r, scene.shown.what, fails=isinstance(r, kinds.Existence))
+            _unmeasured_result(r, scene.reading.what, fails=isinstance(r, kinds.Existence))
             for r in requirements
         )
     else:
@@ -77,7 +77,7 @@ def only(report: Report, count: int) -> Report:
     return msgspec.structs.replace(report, results=results, blocked=any(map(blocks, results)))
 
 
-def _unmeasured(requirement: Requirement, reason: str, *, fails: bool) -> Result:
+def _unmeasured_result(requirement: Requirement, reason: str, *, fails: bool) -> Result:
     return Result(
         requirement=requirement,
         verdict="fail" if fails else "unknown",
@@ -103,7 +103,7 @@ def surface_pixels(surfaces: Mask, buffers: Buffers) -> Mask:
     return np.asarray(np.append(surfaces, False)[buffers.instance])
 
 
-class _Measurement(InTheWorld):
+class _Measurement(WorldMeasurement):
     """One scene under one photo; everything is computed when first asked for."""
 
     def __init__(
@@ -116,7 +116,7 @@ class _Measurement(InTheWorld):
         self.evidence, self.size_wh = evidence, size_wh
         self._masks: dict[tuple[str, str], Mask] = {}
         self._measured: dict[tuple[str, str], tuple[residuals.Shape, residuals.Shape]] = {}
-        self._views: dict[str, Viewed] = {}
+        self._views: dict[str, ViewedEntity] = {}
         self._pairs: dict[tuple[str, str], tuple[float, float] | None] = {}
 
     def result(self, requirement: Requirement) -> Result:
@@ -124,7 +124,7 @@ class _Measurement(InTheWorld):
         try:
             value, residual, reason = self._values(requirement)
         except (UnknownError, UnmetError) as error:
-            return _unmeasured(requirement, str(error), fails=isinstance(error, UnmetError))
+            return _unmeasured_result(requirement, str(error), fails=isinstance(error, UnmetError))
         return Result(
             requirement=requirement,
             verdict="pass" if residual <= tolerance else "fail",
@@ -139,7 +139,7 @@ class _Measurement(InTheWorld):
         """What would take a residual to zero; None where no one move, scale or turn does."""
         match requirement:
             case kinds.Centroid() | kinds.Extent() | kinds.Overlap() | kinds.Boundary():
-                viewed = self._viewed(requirement.entity)
+                viewed = self._view_entity(requirement.entity)
                 both = self._shapes(requirement.entity, requirement.region)
                 if any(is_cut(shape, self.size_wh) for shape in both):
                     return None
@@ -147,7 +147,7 @@ class _Measurement(InTheWorld):
                     return viewed.fit(*both)
                 return viewed.towards(*both, scaled=not isinstance(requirement, kinds.Centroid))
             case kinds.Depth():
-                return self._viewed(requirement.entity).along_ray(measurement)
+                return self._view_entity(requirement.entity).along_ray(measurement)
             case kinds.Support():
                 return Correction(move_m=(0.0, 0.0, -measurement))
             case kinds.Facing():
@@ -155,10 +155,10 @@ class _Measurement(InTheWorld):
             case _:
                 return None
 
-    def _viewed(self, entity: str) -> Viewed:
+    def _view_entity(self, entity: str) -> ViewedEntity:
         if entity not in self._views:
             depth_z_m = self.buffers.depth_z_m[self.mask(entity)]
-            self._views[entity] = Viewed(
+            self._views[entity] = ViewedEntity(
                 snapshot=self.scene.snapshot,
                 size_wh=self.size_wh,
                 depth_m=float(np.median(depth_z_m)),
@@ -212,7 +212,7 @@ class _Measurement(InTheWorld):
 
     def hidden(self, requirement: kinds.Hidden) -> Measured:
         own = np.flatnonzero(self.surfaces(requirement.entity))
-        alone = replace(self.scene, shown=with_surfaces(self.scene.snapshot, own))
+        alone = replace(self.scene, reading=with_surfaces(self.scene.snapshot, own))
         whole = surface_view(alone, self.size_wh).instance >= 0
         if (area := int(np.count_nonzero(whole))) < residuals.SMALLEST_PX:
             raise UnknownError(f"it has {area} pixels in the picture, fewer than 16")
@@ -270,7 +270,7 @@ class _Measurement(InTheWorld):
     def depth(self, requirement: kinds.Depth) -> tuple[float, float]:
         own = [region for entity, region in requirement.matched if entity == requirement.entity]
         if not own:
-            raise UnknownError(f"{requirement.entity!r} is not among the matched")
+            raise UnknownError(f"{requirement.entity!r} is not among the matched entities")
         pairs = [self._pair(*match) for match in requirement.matched]
         fit = residuals.fit_depth([pair for pair in pairs if pair is not None])
         if fit is None:
@@ -314,7 +314,7 @@ class _Measurement(InTheWorld):
         for pixels, name in ((mask, whose), (region, "region")):
             if np.count_nonzero(pixels) < residuals.SMALLEST_PX:
                 raise UnknownError(f"the {name} has fewer than 16 pixels")
-        return spread(self.scene.render, self.size_wh)[mask], self.evidence.photo[region]
+        return upscale_nearest(self.scene.render, self.size_wh)[mask], self.evidence.photo[region]
 
 
 def _large_shape(pixels: Mask, whose: str) -> residuals.Shape:

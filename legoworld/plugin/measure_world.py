@@ -14,7 +14,7 @@ from legoworld.records import plugin_requirements as kinds
 from legoworld.solids import hulls
 from legoworld.solids.meshes import own_front, surfaces_solid
 from legoworld.solids.penetration import penetration_m
-from legoworld.solids.support import Rest, rest_on
+from legoworld.solids.support import RestContact, rest_on
 
 #: What is nearer to the ground than this rests on it: the default tolerance of `support`.
 _CONTACT_M: Final = 0.01
@@ -25,7 +25,7 @@ class UnknownError(Exception):
 
 
 class UnmetError(Exception):
-    """A requirement fails without a number: what it measures is not there; the text says what."""
+    """A requirement fails without a number: the text names what is missing to measure it."""
 
 
 class Measured(NamedTuple):
@@ -36,7 +36,7 @@ class Measured(NamedTuple):
     reason: str | None = None
 
 
-class InTheWorld:
+class WorldMeasurement:
     """One scene; each method gives (measurement, residual) of a kind of requirement.
 
     UnknownError where there is nothing to measure, UnmetError where that itself is the failure.
@@ -88,19 +88,19 @@ class InTheWorld:
 
     def support(self, requirement: kinds.Support) -> tuple[float, float]:
         """The least gap to what is below, metres, below 0 where sunk in. UnmetError off balance."""
-        rest = self._rest(requirement)
+        rest = self._rest_contact(requirement)
         if abs(rest.gap_m) <= requirement.tolerance_m and not rest.balanced:
             raise UnmetError("its centre of mass is not above what it rests on")
         return rest.gap_m, abs(rest.gap_m)
 
     def stability(self, requirement: kinds.Stability) -> tuple[float, float]:
         """Its centre of mass to the edge of its support, metres. UnmetError: nothing carries it."""
-        rest = self._rest(requirement)
+        rest = self._rest_contact(requirement)
         if abs(rest.gap_m) > _CONTACT_M:
             raise UnmetError(f"it rests on nothing: the gap below it is {rest.gap_m:.3g} m")
         return rest.margin_m, max(0.0, requirement.margin_m - rest.margin_m)
 
-    def _rest(self, requirement: kinds.Support | kinds.Stability) -> Rest:
+    def _rest_contact(self, requirement: kinds.Support | kinds.Stability) -> RestContact:
         own = self.surfaces(requirement.entity)
         below = (
             self._around(own) if requirement.on is None else self.surfaces(requirement.on) & ~own

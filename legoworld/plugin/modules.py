@@ -33,7 +33,7 @@ def modules_without(off: Iterable[str]) -> tuple[Module, ...]:
     left = set(off)
     if unknown := sorted(left - set(MODULES)):
         raise UsageError(
-            "there is no such module of the plugin",
+            "unknown plugin module",
             found=", ".join(unknown),
             expected=", ".join(MODULES),
         )

@@ -25,7 +25,7 @@ class TransactionError(LegoWorldError):
 
 
 class OpenLedger:
-    """A ledger that is continued. states: a folder of the states that transactions began from."""
+    """A reopened ledger. states: folder of the state that each transaction began from."""
 
     def __init__(self, folder: Path, states: Path) -> None:
         self.ledger = Ledger(folder)
@@ -130,11 +130,11 @@ class OpenLedger:
         open_now, base = self.transaction if phase == "open" else None, self._base
         try:
             made = call()
-            if self.interruption.asked:  # as it ended: its client has no answer to it
+            if self.interruption.is_requested:  # as it ended: its client has no answer to it
                 raise cancelled_error()
             answer = as_json(made)
         except Exception as given:
-            error = cancelled_error() if self.interruption.asked else given
+            error = cancelled_error() if self.interruption.is_requested else given
             told = isinstance(error, LegoWorldError)
             text = str(error) if told else f"{type(error).__name__}: {error}"
             self._base = base

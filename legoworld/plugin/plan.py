@@ -121,14 +121,14 @@ def plan_markdown(plan: ConstructionPlan) -> str:
     return "\n".join([*head, *rows, ""])
 
 
-def _rank(planned: PlannedObject) -> str:
-    return "unknown" if planned.depth_rank is None else str(planned.depth_rank)
+def _rank(planned_object: PlannedObject) -> str:
+    return "unknown" if planned_object.depth_rank is None else str(planned_object.depth_rank)
 
 
-def _flags(planned: PlannedObject) -> str:
-    flags = [f"cut by the photo's {side} edge" for side in planned.cut_by]
-    if planned.small:
+def _flags(planned_object: PlannedObject) -> str:
+    flags = [f"cut by the photo's {side} edge" for side in planned_object.cut_by]
+    if planned_object.small:
         flags.append("small")
-    if planned.touches:
-        flags.append("touches " + ", ".join(planned.touches))
+    if planned_object.touches:
+        flags.append("touches " + ", ".join(planned_object.touches))
     return "; ".join(flags)

@@ -37,7 +37,7 @@ def result_pictures(
     measured against in green, and the outline of the region in orange. None where nothing of these
     is in the picture.
     """
-    if not isinstance(scene.shown, BaseException):
+    if not isinstance(scene.reading, BaseException):
         view = _View(scene, evidence, report.size_wh)
         return [view.picture(result.requirement) for result in report.results]
     return [None] * len(report.results)

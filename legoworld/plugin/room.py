@@ -28,7 +28,7 @@ _SAID: Final[dict[str, Structure]] = {
 
 
 class RoomUnknownError(LegoWorldError):
-    """The evidence does not tell the room, or the camera in it."""
+    """The evidence does not determine the room, or the camera in it."""
 
     code = "room_unknown"
 

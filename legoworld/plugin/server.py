@@ -21,7 +21,7 @@ from legoworld.plugin.tool_schemas import (
     requirements_page,
     shown_schema,
 )
-from legoworld.plugin.tools import TOOLS, Served
+from legoworld.plugin.tools import TOOLS, Session
 from legoworld.records.plugin_install import Module
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def plugin_server(
 
     from legoworld.version import __version__
 
-    desk = _Desk(Served(case=case, evidence=evidence, modules=modules))
+    desk = _Desk(Session(case=case, evidence=evidence, modules=modules))
     return Server(
         "legoworld",
         title="legoworld: measured edits",
@@ -86,13 +86,13 @@ def run_on_stdio(server: Server) -> None:
 class _Desk:
     """The handlers of one server. One call runs at a time; the others wait for it."""
 
-    def __init__(self, served: Served) -> None:
+    def __init__(self, session: Session) -> None:
         import anyio
 
-        off = tools_off(served.modules)
-        self._served = served
+        off = tools_off(session.modules)
+        self._session = session
         self._tools = {tool.name: tool for tool in TOOLS if tool.name not in off}
-        self._alone = anyio.Lock()
+        self._call_lock = anyio.Lock()
 
     async def list_tools(
         self, _context: ServerRequestContext, _params: types.PaginatedRequestParams | None
@@ -128,10 +128,12 @@ class _Desk:
         try:
             answer, png = await self._run(context, params.name, params.arguments or {})
         except LegoWorldError as error:
-            return _failed(str(error))
+            return _error_result(str(error))
         except OSError as error:
             where = f" of {error.filename}" if error.filename else ""
-            return _failed(f"the operating system refused a file{where}; found: {cause(error)}")
+            return _error_result(
+                f"the operating system refused a file{where}; found: {cause(error)}"
+            )
         except Exception as error:
             said = f"unexpected error in {params.name}: {type(error).__name__}; this is a bug in"
             raise MCPError(types.INTERNAL_ERROR, f"{said} legoworld, please report it") from error
@@ -149,17 +151,17 @@ class _Desk:
         tool = self._tools.get(name)
         if tool is None:
             raise UsageError(
-                "there is no such tool",
+                "unknown tool",
                 found=repr(name),
                 expected=describe_choices(self._tools, name),
             )
         arguments = decode_arguments(tool.arguments, given)
-        case = self._served.case
-        async with self._alone:
+        case = self._session.case
+        async with self._call_lock:
             case.interruption.begin(_progress(context))
 
             def call() -> _Made:
-                made = tool.call(self._served, arguments)
+                made = tool.call(self._session, arguments)
                 made, png = made if isinstance(made, tuple) else (made, None)
                 return cut_answer(case, brief(made)), png
 
@@ -185,7 +187,7 @@ class _Desk:
             start = page_start(params.cursor, "cursor") if params and params.cursor else 0
         except UsageError as error:
             raise MCPError(types.INVALID_PARAMS, str(error)) from error
-        listed = [first, *(_resource(path) for path in self._served.case.artefacts.files())]
+        listed = [first, *(_resource(path) for path in self._session.case.artefacts.files())]
         page = listed[start : start + _PAGE]
         more = str(start + _PAGE) if start + _PAGE < len(listed) else None
         return types.ListResourcesResult(resources=page, next_cursor=more)
@@ -224,7 +226,7 @@ class _Desk:
             valid = ", ".join([_REQUIREMENTS, *(f"{u}SHA256" for u in URIS.values())])
             raise MCPError(types.INVALID_PARAMS, f"no resource {uri[:100]}; expected: {valid}")
         try:
-            data = self._served.case.artefacts.read(uri.removeprefix(URIS[kind]), kind)
+            data = self._session.case.artefacts.read(uri.removeprefix(URIS[kind]), kind)
         except UsageError as error:
             raise MCPError(types.INVALID_PARAMS, str(error)) from error
         mime = MIME_TYPES[kind]
@@ -302,7 +304,7 @@ def _progress(context: ServerRequestContext) -> Callable[[int, int, str], None]:
     return report
 
 
-def _failed(text: str) -> types.CallToolResult:
+def _error_result(text: str) -> types.CallToolResult:
     from mcp import types
 
     return types.CallToolResult(content=[types.TextContent(text=text)], is_error=True)

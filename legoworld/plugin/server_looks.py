@@ -48,7 +48,7 @@ class Look(Record, frozen=True, kw_only=True):
     size_wh: tuple[int, int]
 
 
-def look(case: Case, wanted: Looking) -> tuple[Look, bytes]:
+def look(case: Case, arguments: Looking) -> tuple[Look, bytes]:
     """Look at the scene as it is now; the picture is a PNG. UsageError for what cannot be shown.
 
     beside: the photo, or the scene as the open transaction found it, is at the left and the
@@ -57,33 +57,33 @@ def look(case: Case, wanted: Looking) -> tuple[Look, bytes]:
     made: list[bytes] = []
 
     def call() -> Look:
-        renderer = case.live.reader if wanted.draw == "render" else None
-        begun = case.begun_entry() if wanted.beside == "before" else None
+        renderer = case.live.reader if arguments.draw == "render" else None
+        begun = case.begun_entry() if arguments.beside == "before" else None
         with case.live.save_copy() as copy:
             scene = read_live(copy.path, case.live.reader)
             case.note(scene)
-            camera = find_camera(scene.snapshot, wanted.at)
+            camera = find_camera(scene.snapshot, arguments.at)
             wide, high = case.evidence.size_wh if case.evidence else scene.snapshot.render.size_wh
-            shrink = wanted.pane_px / max(wide, high)
+            shrink = arguments.pane_px / max(wide, high)
             size = max(1, round(wide * shrink)), max(1, round(high * shrink))
-            panes = {"scene": _drawn(copy.path, scene, camera, renderer, size)}
-            if wanted.beside == "photo":
-                panes = {"photo": _photo(case, wanted.at, size), **panes}
+            panes = {"scene": _draw_scene(copy.path, scene, camera, renderer, size)}
+            if arguments.beside == "photo":
+                panes = {"photo": _photo(case, arguments.at, size), **panes}
             elif begun is not None:
                 # In its place, where it finds what it names by relative paths.
-                copy.put(case.folder / STATES / f"{begun.answer['base_sha256']}.blend")
+                copy.write(case.folder / STATES / f"{begun.answer['base_sha256']}.blend")
                 then = read_live(copy.path, case.live.reader)
-                panes = {"before": _drawn(copy.path, then, camera, renderer, size), **panes}
+                panes = {"before": _draw_scene(copy.path, then, camera, renderer, size), **panes}
         if len(panes) == 2:
             panes["difference"] = difference(*panes.values())
         made.append(png_bytes(np.concatenate(list(panes.values()), axis=1)))
         sha256 = case.artefacts.keep(made[0], "png")
         return Look(picture_sha256=sha256, panes=tuple(panes), size_wh=size)
 
-    return case.record("look", as_json(wanted), call), made[0]
+    return case.record("look", as_json(arguments), call), made[0]
 
 
-def _drawn(
+def _draw_scene(
     blend: Path,
     scene: LiveScene,
     camera: SceneCamera,

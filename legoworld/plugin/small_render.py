@@ -90,7 +90,7 @@ def mean_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.array([(116 * y - 16).mean(), 500 * (x - y).mean(), 200 * (y - z).mean()])
 
 
-def spread(small: NDArray[np.uint8], size_wh: tuple[int, int]) -> NDArray[np.uint8]:
+def upscale_nearest(small: NDArray[np.uint8], size_wh: tuple[int, int]) -> NDArray[np.uint8]:
     """A (h, w, 3) picture at a larger (H, W): each pixel the nearest one of the small picture."""
     width, height = size_wh
     rows = (np.arange(height) * small.shape[0]) // height

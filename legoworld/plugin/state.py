@@ -25,20 +25,20 @@ NOTHING: Final = "0" * 64
 class LiveScene:
     """A copy of the live scene, read: what it shows and the state it was in.
 
-    shown: its snapshot, or the error that a readout of it ends with: no camera, no surface.
+    reading: the error is that of a readout: no camera, no surface.
     render: (h, w, 3) RGB of a small render, None where none was asked for.
     """
 
-    shown: Snapshot | LegoWorldError
+    reading: Snapshot | LegoWorldError
     state: SceneState
     render: NDArray[np.uint8] | None = None
 
     @property
     def snapshot(self) -> Snapshot:
         """The snapshot. Raises the readout's error of a scene that shows nothing."""
-        if isinstance(self.shown, LegoWorldError):
-            raise self.shown
-        return self.shown
+        if isinstance(self.reading, LegoWorldError):
+            raise self.reading
+        return self.reading
 
 
 def read_live(blend: Path, blender: BlenderProcess) -> LiveScene:
@@ -53,19 +53,19 @@ def read_live(blend: Path, blender: BlenderProcess) -> LiveScene:
         {"kind": "state", "blend": str(blend.resolve()), "output": str(output)}
     )
     states = to_record(tuple[EntityState, ...], answer["objects"])
-    shown: Snapshot | LegoWorldError
+    reading: Snapshot | LegoWorldError
     if answer["unseen"] is not None:
-        shown, content = from_reason(answer["unseen"]), NOTHING
+        reading, content = from_reason(answer["unseen"]), NOTHING
     else:
-        shown, content = load(output, passing=True)
+        reading, content = load(output, passing=True)
     return LiveScene(
-        shown=shown,
-        state=scene_state(shown, content, states, answer["camera"], answer["hashes"]),
+        reading=reading,
+        state=scene_state(reading, content, states, answer["camera"], answer["hashes"]),
     )
 
 
 def scene_state(
-    shown: Snapshot | LegoWorldError,
+    reading: Snapshot | LegoWorldError,
     content_sha256: str,
     states: tuple[EntityState, ...],
     camera: str | None,
@@ -74,7 +74,7 @@ def scene_state(
     """A state with the placements of a snapshot, signed."""
     import msgspec
 
-    placed = {} if isinstance(shown, LegoWorldError) else placement_sha256(shown)
+    placed = {} if isinstance(reading, LegoWorldError) else placement_sha256(reading)
     unsigned = SceneState(
         objects=tuple(
             msgspec.structs.replace(o, placement_sha256=placed.get((o.name, o.library)))

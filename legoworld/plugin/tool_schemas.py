@@ -6,7 +6,6 @@ ranges, and the arguments of requirements once, beside a union that says which k
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -17,6 +16,7 @@ import msgspec
 
 from legoworld.errors import UsageError
 from legoworld.files import Json
+from legoworld.pluralize import nearest_names
 from legoworld.records.base import RecordError, to_record
 from legoworld.records.plugin_requirements import AnyRequirement, Requirement
 
@@ -45,29 +45,29 @@ _STEP: Final = re.compile(r"\.([^.\[]+)|\[(\d+|\.\.\.)\]")
 def answer_schema(record: type[msgspec.Struct]) -> JsonObject:
     """What a tool answers: the record with its descriptions, self-contained."""
     _, parts = msgspec.json.schema_components([record], ref_template=_REFERENCE)
-    own: JsonObject = _answered(parts.pop(record.__name__))
+    own: JsonObject = _answer_schema(parts.pop(record.__name__))
     # Of every answer, what its base says, too.
     own["description"] = " ".join(_flat(kind.__doc__) for kind in record.__mro__[:-4])
     kinds = {kind.__name__ for kind in KINDS.values()}
-    rest = {name: _answered(part) for name, part in parts.items() if name not in kinds}
+    rest = {name: _answer_schema(part) for name, part in parts.items() if name not in kinds}
     return {**own, "$defs": rest} if rest else own
 
 
-def _answered(schema: Any) -> Any:
+def _answer_schema(schema: Any) -> Any:
     """A schema as `tool_answers.brief` leaves it: what may be null may be absent.
 
     Without titles, descriptions on one line; a requirement, which the client sent, is any object.
     """
     if isinstance(schema, list):
-        return [_answered(item) for item in schema]
+        return [_answer_schema(item) for item in schema]
     if not isinstance(schema, dict):
         return _flat(schema) if isinstance(schema, str) else schema
     if "discriminator" in schema:
         return {"type": "object"}
     if "anyOf" in schema:
-        known = [_answered(option) for option in schema["anyOf"] if option != _NULL]
+        known = [_answer_schema(option) for option in schema["anyOf"] if option != _NULL]
         return known[0] if len(known) == 1 else {"anyOf": known}
-    made = {key: _answered(value) for key, value in schema.items() if key not in _UNSAID}
+    made = {key: _answer_schema(value) for key, value in schema.items() if key not in _UNSAID}
     if isinstance(fields := schema.get("properties"), dict):
         made["required"] = [
             name for name in schema["required"] if _NULL not in fields[name].get("anyOf", ())
@@ -82,22 +82,22 @@ def shown_schema(tool: str, record: type[msgspec.Struct]) -> JsonObject:
     Without ranges, which an error names: few calls are outside of them.
     """
     schema = argument_schema(record)
-    shown = {name: _unranged(of) for name, of in schema["properties"].items()}
+    shown = {name: _without_ranges(of) for name, of in schema["properties"].items()}
     for name, by in _SHOWN_BY.items():
         if name in shown and by != tool:
             kind = {k: v for k, v in shown[name].items() if k in ("type", "items")}
             shown[name] = {**kind, "description": f"as of {by}"}
         elif name in shown and name == _REQUIREMENTS:
-            shown[name] = {"type": "array", "items": _unranged(_requirement_schema())}
+            shown[name] = {"type": "array", "items": _without_ranges(_requirement_schema())}
     return {**schema, "properties": shown}
 
 
-def _unranged(schema: Any) -> Any:
+def _without_ranges(schema: Any) -> Any:
     if not isinstance(schema, dict):
         return schema
     fixed = "minItems" in schema and "maxItems" in schema
     dropped = _RANGES - {"minItems"} if fixed else _RANGES
-    return {key: _unranged(value) for key, value in schema.items() if key not in dropped}
+    return {key: _without_ranges(value) for key, value in schema.items() if key not in dropped}
 
 
 @cache
@@ -259,7 +259,7 @@ def _said_of(schema: JsonObject, what: str) -> str:
 def describe_choices(valid: Iterable[str], given: Json) -> str:
     """The valid values, and the nearest to what was given."""
     names = [*valid]
-    near = difflib.get_close_matches(str(given), names, n=1)
+    near = nearest_names(str(given), names, 1)
     return f"one of {', '.join(names)}" + (f"; nearest: {near[0]}" if near else "")
 
 

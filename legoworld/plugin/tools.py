@@ -29,7 +29,7 @@ from legoworld.records.plugin_requirements import Report
 
 
 @dataclass(frozen=True, kw_only=True)
-class Served:
+class Session:
     """What a server serves: a case, the photo's evidence, the modules that are on."""
 
     case: Case
@@ -62,26 +62,26 @@ class Tool:
     says: str
     arguments: type[msgspec.Struct]
     answer: type[msgspec.Struct] | None
-    call: Callable[[Served, Any], msgspec.Struct | tuple[msgspec.Struct, bytes]]
+    call: Callable[[Session, Any], msgspec.Struct | tuple[msgspec.Struct, bytes]]
     hints: tuple[str, ...] = ()
 
 
-def _reference_evidence(served: Served, _: calls.NoArguments) -> calls.EvidenceAnswer:
-    known = served.evidence
+def _reference_evidence(session: Session, _: calls.NoArguments) -> calls.EvidenceAnswer:
+    known = session.evidence
     shown = None if known is None else to_record(calls.ShownEvidence, as_json(known.file))
-    return calls.EvidenceAnswer(evidence=shown, **answer_state(served.case))
+    return calls.EvidenceAnswer(evidence=shown, **answer_state(session.case))
 
 
-def _measure(served: Served, asked: calls.MeasureArguments) -> calls.ReportAnswer:
-    return _report_answer(served, served.case.measure(asked.requirements), asked.pictures)
+def _measure(session: Session, call: calls.MeasureArguments) -> calls.ReportAnswer:
+    return _report_answer(session, session.case.measure(call.requirements), call.pictures)
 
 
-def _validate(served: Served, asked: calls.ValidateArguments) -> calls.ReportAnswer:
-    return _report_answer(served, validate(served.case, asked.requirements), asked.pictures)
+def _validate(session: Session, call: calls.ValidateArguments) -> calls.ReportAnswer:
+    return _report_answer(session, validate(session.case, call.requirements), call.pictures)
 
 
-def _report_answer(served: Served, report: Report, pictures: bool) -> calls.ReportAnswer:
-    case = served.case
+def _report_answer(session: Session, report: Report, pictures: bool) -> calls.ReportAnswer:
+    case = session.case
     drawn = None
     if pictures:
         assert case.scene is not None  # the report is of it
@@ -92,21 +92,21 @@ def _report_answer(served: Served, report: Report, pictures: bool) -> calls.Repo
     return calls.ReportAnswer(pictures=drawn, **answer_report(case, report), **answer_state(case))
 
 
-def _begin(served: Served, declaration: Declaration) -> calls.BeginAnswer:
-    if declaration.requirements and "measurement" not in served.modules:
+def _begin(session: Session, declaration: Declaration) -> calls.BeginAnswer:
+    if declaration.requirements and "measurement" not in session.modules:
         raise UsageError(
             "requirements cannot be measured in this run",
             found=f"{len(declaration.requirements)} requirements; the module `measurement` is off",
             expected="a declaration without requirements",
         )
-    begun = served.case.begin(declaration)
+    begun = session.case.begin(declaration)
     assert begun.transaction is not None
     said = {"transaction": begun.transaction, "unguarded": begun.answer["unguarded"]}
-    return to_record(calls.BeginAnswer, {**said, **answer_state(served.case)})
+    return to_record(calls.BeginAnswer, {**said, **answer_state(session.case)})
 
 
-def _status(served: Served, _: calls.NoArguments) -> calls.StatusAnswer:
-    case = served.case
+def _status(session: Session, _: calls.NoArguments) -> calls.StatusAnswer:
+    case = session.case
     entries = case.ledger.entries
     since = max((e.seq for e in entries if e.tool == "begin" and not e.error), default=0)
     resumed = case.phase == "open" and any(e.tool == "resume" for e in entries[since:])
@@ -115,79 +115,81 @@ def _status(served: Served, _: calls.NoArguments) -> calls.StatusAnswer:
     )
 
 
-def _diff(served: Served, _: calls.NoArguments) -> calls.DiffAnswer:
-    return calls.DiffAnswer(changes=served.case.diff(), **answer_state(served.case))
+def _diff(session: Session, _: calls.NoArguments) -> calls.DiffAnswer:
+    return calls.DiffAnswer(changes=session.case.diff(), **answer_state(session.case))
 
 
-def _commit(served: Served, asked: calls.TransactionArguments) -> calls.CommitAnswer:
-    judgement, report = served.case.commit(asked.transaction)
+def _commit(session: Session, call: calls.TransactionArguments) -> calls.CommitAnswer:
+    judgement, report = session.case.commit(call.transaction)
     return calls.CommitAnswer(
         judgement=judgement,
-        **answer_report(served.case, report),
-        **answer_state(served.case),
+        **answer_report(session.case, report),
+        **answer_state(session.case),
     )
 
 
-def _rollback(served: Served, asked: calls.TransactionArguments) -> calls.RollbackAnswer:
-    restored = served.case.rollback(asked.transaction).scene_signature
-    return calls.RollbackAnswer(restored=restored, **answer_state(served.case))
+def _rollback(session: Session, call: calls.TransactionArguments) -> calls.RollbackAnswer:
+    restored = session.case.rollback(call.transaction).scene_signature
+    return calls.RollbackAnswer(restored=restored, **answer_state(session.case))
 
 
-def _history(served: Served, asked: calls.HistoryArguments) -> calls.HistoryAnswer:
+def _history(session: Session, call: calls.HistoryArguments) -> calls.HistoryAnswer:
     shown = tuple(
         calls.ShownEntry(
             seq=e.seq, tool=e.tool, error=e.error, phase=e.phase, transaction=e.transaction,
             scene_signature=e.scene_signature,
         )
-        for e in served.case.ledger.entries[-asked.last :]
+        for e in session.case.ledger.entries[-call.last :]
     )  # fmt: skip
-    return calls.HistoryAnswer(entries=shown, **answer_state(served.case))
+    return calls.HistoryAnswer(entries=shown, **answer_state(session.case))
 
 
-def _initialize(served: Served, asked: calls.InitializeArguments) -> calls.InitializeAnswer:
-    made = recover(served.require_evidence(), asked.structures, asked.camera_height_m)
-    kept = install_room(served.case, made)
+def _initialize(session: Session, call: calls.InitializeArguments) -> calls.InitializeAnswer:
+    made = recover(session.require_evidence(), call.structures, call.camera_height_m)
+    kept = install_room(session.case, made)
     return calls.InitializeAnswer(
-        room=made.room, plan=made.plan, kept=kept, **answer_state(served.case)
+        room=made.room, plan=made.plan, kept=kept, **answer_state(session.case)
     )
 
 
-def _plan(served: Served, asked: calls.PlanArguments) -> calls.PlanAnswer:
-    known = served.require_evidence()
-    made = construction_plan(known, assign_structures(known, asked.structures))
-    return calls.PlanAnswer(plan=made, **answer_state(served.case))
+def _plan(session: Session, call: calls.PlanArguments) -> calls.PlanAnswer:
+    known = session.require_evidence()
+    made = construction_plan(known, assign_structures(known, call.structures))
+    return calls.PlanAnswer(plan=made, **answer_state(session.case))
 
 
 def _review(
-    served: Served, asked: calls.ReviewArguments
+    session: Session, call: calls.ReviewArguments
 ) -> calls.ReviewAnswer | tuple[calls.ReviewAnswer, bytes]:
-    if asked.render_sha256 is not None:
-        noted = note_review(served.case, asked.render_sha256, asked.findings or ())
-        return calls.ReviewAnswer(**as_json(noted), **answer_state(served.case))
-    made, png = render_for_review(served.case)
-    return calls.ReviewAnswer(**as_json(made), **answer_state(served.case)), png
+    if call.render_sha256 is not None:
+        noted = note_review(session.case, call.render_sha256, call.findings or ())
+        return calls.ReviewAnswer(**as_json(noted), **answer_state(session.case))
+    made, png = render_for_review(session.case)
+    return calls.ReviewAnswer(**as_json(made), **answer_state(session.case)), png
 
 
-def _look(served: Served, asked: Looking) -> tuple[calls.LookAnswer, bytes]:
-    made, png = look(served.case, asked)
-    return to_record(calls.LookAnswer, {**as_json(made), **answer_state(served.case)}), png
+def _look(session: Session, call: Looking) -> tuple[calls.LookAnswer, bytes]:
+    made, png = look(session.case, call)
+    return to_record(calls.LookAnswer, {**as_json(made), **answer_state(session.case)}), png
 
 
-def _export(served: Served, _: calls.NoArguments) -> calls.ExportAnswer:
-    made = export(served.case)
-    return calls.ExportAnswer(files=made.files, warnings=made.warnings, **answer_state(served.case))
+def _export(session: Session, _: calls.NoArguments) -> calls.ExportAnswer:
+    made = export(session.case)
+    return calls.ExportAnswer(
+        files=made.files, warnings=made.warnings, **answer_state(session.case)
+    )
 
 
-def _more(served: Served, asked: calls.MoreArguments) -> calls.MoreAnswer:
-    sha256, _, start = asked.cursor.partition(".")
+def _next_page(session: Session, call: calls.MoreArguments) -> calls.MoreAnswer:
+    sha256, _, start = call.cursor.partition(".")
     begins = page_start(start, "cursor")
-    kept = json.loads(served.case.artefacts.read(sha256, "json"))
+    kept = json.loads(session.case.artefacts.read(sha256, "json"))
     if not {"place", "items"} <= kept.keys():
         raise UsageError(
             "cursor names no page", found="a report", expected="next_cursor of an answer"
         )
     page = answer_page(kept, sha256, begins)
-    return calls.MoreAnswer(**page, **answer_state(served.case))
+    return calls.MoreAnswer(**page, **answer_state(session.case))
 
 
 _READS: Final = ("reads", "again")
@@ -227,5 +229,5 @@ TOOLS: Final = (
     Tool("history", "What was called", "The last calls.",
          calls.HistoryArguments, calls.HistoryAnswer, _history, _READS),
     Tool("more", "The next page", "The rest of an answer with next_cursor.",
-         calls.MoreArguments, calls.MoreAnswer, _more, _READS),
+         calls.MoreArguments, calls.MoreAnswer, _next_page, _READS),
 )  # fmt: skip

@@ -21,10 +21,10 @@ def judge(
     report: Report,
     worse: tuple[Worse, ...] = (),
 ) -> Judgement:
-    """Every change between two states, allowed or not, and whether the edit may be committed.
+    """Judge every change between two states, and whether the edit may be committed.
 
-    report: the declaration's requirements measured on `after`; worse: what it made worse. Raises
-    ValueError for a report of another state: it is stale.
+    report: the declaration's requirements measured on `after`; worse: requirements it made worse.
+    Raises ValueError for a stale report, of another state.
     """
     if report.scene_signature != after.scene_signature:
         raise ValueError("the report is of another state of the scene")

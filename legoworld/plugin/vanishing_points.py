@@ -35,11 +35,11 @@ class ManhattanCamera:
     """world_from_cam: (3, 3) rotation, camera axes x right, y down, z forward, world z up.
 
     The world's x is the horizontal Manhattan direction nearest to the camera's right.
-    explained: share of the segments' length that lies along one of the three directions.
+    explained_share: share of the segments' length that lies along one of the three directions.
     """
 
     world_from_cam: NDArray[np.float64]
-    explained: float
+    explained_share: float
     n_segments: int
 
 
@@ -68,7 +68,7 @@ def manhattan_camera(gray: NDArray[np.uint8], hfov_deg: float) -> ManhattanCamer
     if int((per_direction >= _LEAST_OF_A_DIRECTION).sum()) < 2:
         raise UndeterminedError("all lines run along one direction")
     return ManhattanCamera(
-        world_from_cam=_upright(axes), explained=float(share[0]), n_segments=len(lengths)
+        world_from_cam=_upright(axes), explained_share=float(share[0]), n_segments=len(lengths)
     )
 
 

@@ -161,7 +161,7 @@ def orthonormal(columns: Floats) -> Floats:
 
 
 def _fit_box(
-    instance_id: int, points: Floats, frame: Floats, whole: Silhouette, kind: Kind
+    instance_id: int, points: Floats, frame: Floats, silhouette: Silhouette, kind: Kind
 ) -> Box3d:
     if kind == "gravity":
         first, down, third = frame
@@ -178,7 +178,9 @@ def _fit_box(
     if length[0] < 0 or (length[0] == 0 and length[2] < 0):
         length = -length
     axes = np.stack([length, down, cross(length, down)], axis=1)
-    return Box3d(instance_id=instance_id, center_m=center, axes=axes, size_m=size, silhouette=whole)
+    return Box3d(
+        instance_id=instance_id, center_m=center, axes=axes, size_m=size, silhouette=silhouette
+    )
 
 
 def _along(points: Floats, axis: Floats) -> Floats:

@@ -44,8 +44,10 @@ def facing_planes(
 
     tilt_deg: angle between the plane's normal and the ray to its middle, to 0.1 degrees.
     """
-    area = np.bincount(seen.shown[seen.shown >= 0], minlength=len(snapshot.surface_mesh))
-    large = np.flatnonzero(area >= max(1.0, min_share * seen.shown.size))
+    area = np.bincount(
+        seen.surface_index[seen.surface_index >= 0], minlength=len(snapshot.surface_mesh)
+    )
+    large = np.flatnonzero(area >= max(1.0, min_share * seen.surface_index.size))
     facing: list[tuple[int, float]] = []
     for surface in large.tolist():
         tilt = _tilt_deg(snapshot, surface)
@@ -58,11 +60,11 @@ def facing_planes(
         FacingPlane(
             object=_name(snapshot, surface),
             tilt_deg=tilt,
-            share=int(area[surface]) / seen.shown.size,
+            share=int(area[surface]) / seen.surface_index.size,
         )
         for surface, tilt in facing
     ]
-    return planes, number[np.where(seen.shown >= 0, seen.shown, -1)]
+    return planes, number[np.where(seen.surface_index >= 0, seen.surface_index, -1)]
 
 
 def _name(snapshot: Snapshot, surface: int) -> str:
@@ -107,17 +109,17 @@ class FilledView:
 
 
 def filled_view(
-    snapshot: Snapshot, seen: VisibleSurface, *, threads: int | None = None
+    snapshot: Snapshot, surface: VisibleSurface, *, threads: int | None = None
 ) -> FilledView | None:
     """What fills a view and hides the rest of the scene; None for any other view.
 
     An object is one occurrence, so of many copies each is its own. The view is drawn again without
     it, where it fills the view at all. A scene that is one object hides nothing.
     """
-    hit = seen.shown >= 0
+    hit = surface.surface_index >= 0
     if not hit.any():
         return None
-    of_pixel = snapshot.surface_occurrence[seen.shown[hit]]
+    of_pixel = snapshot.surface_occurrence[surface.surface_index[hit]]
     area = np.bincount(of_pixel)
     owner = int(area.argmax())
     share = int(area[owner]) / len(of_pixel)
@@ -125,7 +127,7 @@ def filled_view(
         return None
     others = np.flatnonzero(snapshot.surface_occurrence != owner)
     behind = surfaces_through(
-        seen.projection, with_surfaces(snapshot, others), seen.raster_wh, threads=threads
+        surface.projection, with_surfaces(snapshot, others), surface.raster_wh, threads=threads
     )
     owned = np.zeros_like(hit)
     owned[hit] = of_pixel == owner
@@ -133,7 +135,7 @@ def filled_view(
     n_hides = int(np.count_nonzero(hides))
     if not n_hides or n_hides < _HIDES * int(area[owner]):
         return None
-    near, far = seen.depth_z_m[hides], behind.depth_z_m[hides]
+    near, far = surface.depth_z_m[hides], behind.depth_z_m[hides]
     farther = float(np.median(far.astype(np.float64) / near))
     if farther < _FARTHER:
         return None

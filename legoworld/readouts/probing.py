@@ -70,7 +70,7 @@ def box_samples(
             if (meets & ~within).any():
                 pieces[k].append(_clip(triangles[meets & ~within], low[k], high[k]))
     return [
-        _spread(np.concatenate(parts) if parts else np.zeros((0, 3, 3)), box.spacing_m)
+        _spread_points(np.concatenate(parts) if parts else np.zeros((0, 3, 3)), box.spacing_m)
         for parts, box in zip(pieces, boxes, strict=True)
     ]
 
@@ -139,7 +139,7 @@ def _cut(polygons: F64, sizes: NDArray[np.intp], inside: F64) -> tuple[F64, NDAr
     return corners[rows, order][:, : max(3, int(left.max(initial=0)))], left
 
 
-def _spread(triangles: F64, spacing_m: float) -> NDArray[np.float32]:
+def _spread_points(triangles: F64, spacing_m: float) -> NDArray[np.float32]:
     """Points at equal steps of area through the triangles, spread inside each of them."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     area = np.cumsum(length(cross(b - a, c - a))) / 2

@@ -29,7 +29,7 @@ FLUSH_M: Final = 5e-7
 
 
 @dataclass(frozen=True, kw_only=True)
-class Things:
+class ObjectArrays:
     """Objects as arrays: (n, 3) extents in the camera's frame and in the world, metres."""
 
     instances: Sequence[Instance]
@@ -52,42 +52,42 @@ class Contacts:
 
     surface: Floats
     depth: Floats
-    rest: Floats
+    rest_gap: Floats
     inside: Floats
     within: Floats
 
 
-def contacts(things: Things, apart: Floats, near: Floats) -> Contacts:
+def contacts(arrays: ObjectArrays, apart: Floats, near: Floats) -> Contacts:
     """Of all pairs that are near by their boxes. apart, near: (n, n) metres."""
-    n = len(things.solids)
+    n = len(arrays.solids)
     surface, depth, rest, inside, within = np.full((5, n, n), np.nan)
     inside[:] = 0
-    overlap = np.minimum(things.high[:, None], things.high[None]) - np.maximum(
-        things.low[:, None], things.low[None]
+    overlap = np.minimum(arrays.high[:, None], arrays.high[None]) - np.maximum(
+        arrays.low[:, None], arrays.low[None]
     )
     flush = overlap.min(axis=2) < FLUSH_M
     for a, b in np.argwhere(np.triu(apart <= near, 1)).tolist():
-        one, two = things.solids[a], things.solids[b]
+        one, two = arrays.solids[a], arrays.solids[b]
         surface[a, b] = gap = one.distance_m(two)
         if gap <= TOUCH_M:
-            rest[a, b], rest[b, a] = _rest(things, a, b), _rest(things, b, a)
+            rest[a, b], rest[b, a] = _rest_gap(arrays, a, b), _rest_gap(arrays, b, a)
         if gap == 0:
             depth[a, b] = 0.0 if flush[a, b] else penetration_m(one.corners, two.corners)
         if apart[a, b] == 0:
             for i, j in ((a, b), (b, a)):
-                inner, outer = things.solids[i], things.solids[j]
+                inner, outer = arrays.solids[i], arrays.solids[j]
                 inside[i, j] = _inside(inner, outer)
                 if inside[i, j] >= INSIDE and outer.closed:
                     few = inner.points[:: len(inner.points) // _MOST_POINTS + 1]
                     within[i, j] = outer.share_within(few)
-    return Contacts(surface=surface, depth=depth, rest=rest, inside=inside, within=within)
+    return Contacts(surface=surface, depth=depth, rest_gap=rest, inside=inside, within=within)
 
 
-def _rest(things: Things, a: int, b: int) -> float:
+def _rest_gap(arrays: ObjectArrays, a: int, b: int) -> float:
     """The gap of a above b where a rests there in balance; NaN elsewhere."""
-    if things.high[a, 2] <= things.low[b, 2] + TOUCH_M:
+    if arrays.high[a, 2] <= arrays.low[b, 2] + TOUCH_M:
         return math.nan
-    rest = rest_on(things.solids[a].corners, things.solids[b].corners)
+    rest = rest_on(arrays.solids[a].corners, arrays.solids[b].corners)
     return rest.gap_m if rest is not None and rest.balanced else math.nan
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from legoworld import extras
 from legoworld.errors import InstallationError
-from legoworld.readouts.relation_contacts import TOUCH_M, Floats, Things, contacts
+from legoworld.readouts.relation_contacts import TOUCH_M, Floats, ObjectArrays, contacts
 from legoworld.records.relations import FactObject, FactPairs, Facts
 from legoworld.scene.affine import cam_from_mesh, transform_points
 from legoworld.scene.instances import Instance
@@ -53,7 +53,7 @@ def relation_facts(
     shown = [i for i in instances if i.category is not None and view.area_px[i.id] > 0]
     largest = sorted(shown, key=lambda i: (-int(view.area_px[i.id]), i.id))[:most]
     kept = sorted(largest, key=lambda i: i.id)
-    things = _things(view, kept)
+    things = _object_arrays(view, kept)
     layers = amodal_layers(
         view.surfaces, view.projection, view.size_wh, depth_scale=view.depth_scale, threads=threads
     )
@@ -66,7 +66,7 @@ def relation_facts(
     )
 
 
-def _things(view: View, instances: Sequence[Instance]) -> Things:
+def _object_arrays(view: View, instances: Sequence[Instance]) -> ObjectArrays:
     shot, camera = view.snapshot, view.snapshot.camera
     (cam_from_world,) = cam_from_mesh(camera, np.eye(3, 4)[None])
     cam_from_world[:, 3] *= view.depth_scale
@@ -80,7 +80,7 @@ def _things(view: View, instances: Sequence[Instance]) -> Things:
     points = np.concatenate([np.empty((0, 3)), *(solid.points for solid in solids)])
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])[:-1]
     seen = transform_points(cam_from_world, points)
-    return Things(
+    return ObjectArrays(
         instances=instances,
         solids=solids,
         fronts=np.array(fronts).reshape(-1, 3),
@@ -100,11 +100,11 @@ def _front(shot: Snapshot, surfaces: Sequence[int], name: str) -> Floats:
     return np.full(3, math.nan)
 
 
-def _objects(view: View, things: Things, areas: NDArray[np.int64]) -> tuple[FactObject, ...]:
-    centre = (things.cam_low + things.cam_high) / 2
-    size = things.high - things.low
+def _objects(view: View, arrays: ObjectArrays, areas: NDArray[np.int64]) -> tuple[FactObject, ...]:
+    centre = (arrays.cam_low + arrays.cam_high) / 2
+    size = arrays.high - arrays.low
     objects = []
-    for n, instance in enumerate(things.instances):
+    for n, instance in enumerate(arrays.instances):
         assert instance.category is not None
         x0, y0, x1, y1 = (int(v) for v in view.bbox_xyxy_px[instance.id])
         area = int(view.area_px[instance.id])
@@ -123,70 +123,72 @@ def _objects(view: View, things: Things, areas: NDArray[np.int64]) -> tuple[Fact
     return tuple(objects)
 
 
-def _pairs(view: View, things: Things, areas: NDArray[np.int64], hiding: HiddenPixels) -> FactPairs:
-    ids = np.array([i.id for i in things.instances], np.int64)
+def _pairs(
+    view: View, arrays: ObjectArrays, areas: NDArray[np.int64], hiding: HiddenPixels
+) -> FactPairs:
+    ids = np.array([i.id for i in arrays.instances], np.int64)
     a, b = np.triu_indices(len(ids), 1)
-    left, above, front = _directions(view, things)
-    middle = things.middle
-    gap = np.maximum(things.low[:, None] - things.high[None], 0)
+    left, above, front = _directions(view, arrays)
+    middle = arrays.middle
+    gap = np.maximum(arrays.low[:, None] - arrays.high[None], 0)
     apart = _norm(np.maximum(gap, gap.transpose(1, 0, 2)))
-    diagonal = _norm(things.high - things.low)
+    diagonal = _norm(arrays.high - arrays.low)
     near = (diagonal[:, None] + diagonal[None]) / 2
-    under, hidden = _under(things), _hidden(things, areas, hiding)
-    angle = _angles(things)
-    met = contacts(things, apart, near)
+    under, hidden = _under(arrays), _hidden(arrays, areas, hiding)
+    angle = _angles(arrays)
+    met = contacts(arrays, apart, near)
 
-    def known(values: Floats) -> tuple[float, ...]:
+    def round_values(values: Floats) -> tuple[float, ...]:
         return tuple((np.round(values, _DIGITS) + 0.0).tolist())  # no -0.0
 
-    def holed(values: Floats) -> tuple[float | None, ...]:
+    def round_known_values(values: Floats) -> tuple[float | None, ...]:
         there = np.flatnonzero(~np.isnan(values))
         if len(there) == len(values):
-            return known(values)
+            return round_values(values)
         column: list[float | None] = [None] * len(values)
-        for k, value in zip(there.tolist(), known(values[there]), strict=True):
+        for k, value in zip(there.tolist(), round_values(values[there]), strict=True):
             column[k] = value
         return tuple(column)
 
     return FactPairs(
         a=tuple(ids[a].tolist()),
         b=tuple(ids[b].tolist()),
-        left_m=known(left[a, b]),
-        above_m=known(above[a, b]),
-        front_m=known(front[a, b]),
-        centre_m=known(_norm(middle[a] - middle[b])),
-        apart_m=known(apart[a, b]),
-        near_m=known(near[a, b]),
-        surface_m=holed(met.surface[a, b]),
-        depth_m=holed(met.depth[a, b]),
-        gap_ab_m=holed(met.rest[a, b]),
-        gap_ba_m=holed(met.rest[b, a]),
-        inside_ab=holed(met.inside[a, b]),
-        inside_ba=holed(met.inside[b, a]),
-        within_ab=holed(met.within[a, b]),
-        within_ba=holed(met.within[b, a]),
-        under_ab_m=known(under[a, b]),
-        under_ba_m=known(under[b, a]),
-        angle_ab_deg=holed(angle[a, b]),
-        angle_ba_deg=holed(angle[b, a]),
-        hidden_ab=known(hidden[a, b]),
-        hidden_ba=known(hidden[b, a]),
+        left_m=round_values(left[a, b]),
+        above_m=round_values(above[a, b]),
+        front_m=round_values(front[a, b]),
+        centre_m=round_values(_norm(middle[a] - middle[b])),
+        apart_m=round_values(apart[a, b]),
+        near_m=round_values(near[a, b]),
+        surface_m=round_known_values(met.surface[a, b]),
+        depth_m=round_known_values(met.depth[a, b]),
+        gap_ab_m=round_known_values(met.rest_gap[a, b]),
+        gap_ba_m=round_known_values(met.rest_gap[b, a]),
+        inside_ab=round_known_values(met.inside[a, b]),
+        inside_ba=round_known_values(met.inside[b, a]),
+        within_ab=round_known_values(met.within[a, b]),
+        within_ba=round_known_values(met.within[b, a]),
+        under_ab_m=round_values(under[a, b]),
+        under_ba_m=round_values(under[b, a]),
+        angle_ab_deg=round_known_values(angle[a, b]),
+        angle_ba_deg=round_known_values(angle[b, a]),
+        hidden_ab=round_values(hidden[a, b]),
+        hidden_ba=round_values(hidden[b, a]),
     )
 
 
-def _directions(view: View, things: Things) -> tuple[Floats, Floats, Floats]:
+def _directions(view: View, arrays: ObjectArrays) -> tuple[Floats, Floats, Floats]:
     """(n, n) margins of left of, above, in front of.
 
     Across the picture, extents are seen from the object's own middle depth, and the gap is taken in
     metres at the pair's mean depth; it is 0 where the boxes of visible pixels do not agree.
     """
-    low, high = things.cam_low, things.cam_high
+    low, high = arrays.cam_low, arrays.cam_high
     depth = (low[:, 2] + high[:, 2]) / 2
     seen = np.where(depth > 0, depth, np.nan)[:, None]
     mean = (seen + seen.T) / 2
     if view.projection.orthographic:
         seen, mean = np.ones_like(seen), np.ones_like(mean)
-    boxes = view.bbox_xyxy_px[[i.id for i in things.instances]].reshape(-1, 4).astype(np.float64)
+    boxes = view.bbox_xyxy_px[[i.id for i in arrays.instances]].reshape(-1, 4).astype(np.float64)
     across = []
     for axis in (0, 1):
         gap = _gap(low[:, axis] / seen[:, 0], high[:, axis] / seen[:, 0]) * mean
@@ -201,22 +203,22 @@ def _gap(low: Floats, high: Floats) -> Floats:
     return np.asarray(np.maximum(before, 0) - np.maximum(before.T, 0))
 
 
-def _under(things: Things) -> Floats:
+def _under(arrays: ObjectArrays) -> Floats:
     """(n, n) how far a is straight below b: the least of the gap and the overlap of their ground.
 
     Things in contact are a centimetre apart, so that what carries another is under it.
     """
-    low, high = things.low, things.high
+    low, high = arrays.low, arrays.high
     shared = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
     gap = low[None, :, 2] - high[:, None, 2] + TOUCH_M
     return np.asarray(np.minimum(gap, shared[..., :2].min(axis=2)))
 
 
-def _hidden(things: Things, areas: NDArray[np.int64], pairs: HiddenPixels) -> Floats:
+def _hidden(arrays: ObjectArrays, areas: NDArray[np.int64], pairs: HiddenPixels) -> Floats:
     """(n, n) the share of a's silhouette at which the picture shows b."""
-    n = len(things.instances)
+    n = len(arrays.instances)
     index = np.full(len(areas) + 1, -1)  # the last entry is for holdouts
-    index[[i.id for i in things.instances]] = np.arange(n)
+    index[[i.id for i in arrays.instances]] = np.arange(n)
     hiding = np.where(pairs.hiding < 0, len(areas), pairs.hiding)
     known = (index[pairs.hidden] >= 0) & (index[hiding] >= 0)
     hidden = np.zeros((n, n))
@@ -225,10 +227,10 @@ def _hidden(things: Things, areas: NDArray[np.int64], pairs: HiddenPixels) -> Fl
     return hidden
 
 
-def _angles(things: Things) -> Floats:
+def _angles(arrays: ObjectArrays) -> Floats:
     """(n, n) angles between a's front and the way to b; NaN where it has none."""
-    middle = things.middle
-    return facing_angles_deg(things.fronts[:, None], middle[None] - middle[:, None])
+    middle = arrays.middle
+    return facing_angles_deg(arrays.fronts[:, None], middle[None] - middle[:, None])
 
 
 def _norm(vectors: Floats) -> Floats:

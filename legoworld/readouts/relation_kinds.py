@@ -20,27 +20,27 @@ FACING_DEG: Final = 45.0
 
 @dataclass(frozen=True)
 class Pair:
-    """The facts of (a, b): row k of the columns, turned around where that is of (b, a)."""
+    """The facts of (a, b): row k of the columns, swapped where that is of (b, a)."""
 
     pairs: FactPairs
     k: int
-    turned: bool
+    is_swapped: bool
 
-    def signed(self, column: str) -> float:
+    def signed_fact(self, column: str) -> float:
         """A column that is below 0 where the relation holds of (b, a)."""
         value: float = getattr(self.pairs, column)[self.k]
-        return (-value if self.turned else value) + 0.0  # no -0.0
+        return (-value if self.is_swapped else value) + 0.0  # no -0.0
 
     def towards(self, name: str, unit: str = "") -> float | None:
         """A fact of a towards b, such as the angle of "angle_ab_deg"."""
-        column = f"{name}_{'ba' if self.turned else 'ab'}{unit}"
+        column = f"{name}_{'ba' if self.is_swapped else 'ab'}{unit}"
         value: float | None = getattr(self.pairs, column)[self.k]
         return value
 
     @property
-    def reversed(self) -> Pair:
+    def inverse(self) -> Pair:
         """The same of (b, a)."""
-        return Pair(self.pairs, self.k, not self.turned)
+        return Pair(self.pairs, self.k, not self.is_swapped)
 
     @property
     def surface_m(self) -> float | None:
@@ -74,7 +74,7 @@ def _over(value: float | None, least: float) -> float | None:
 
 def _on(pair: Pair) -> float | None:
     """None where the two touch and neither rests on the other in balance: a rider on a horse."""
-    gap, other = pair.towards("gap", "_m"), pair.reversed.towards("gap", "_m")
+    gap, other = pair.towards("gap", "_m"), pair.inverse.towards("gap", "_m")
     if gap is not None:
         return TOUCH_M - abs(gap)
     apart = TOUCH_M - pair.distance_m
@@ -109,11 +109,11 @@ def _relations() -> Iterator[tuple[str, Relation]]:
     degrees, metres, share, size = "degrees", "m", "share", "of near_m"
     for name, phrase, inverse, phrase_of_inverse, unit, yes, no, margin in (
         ("left_of", "to the left of", "right_of", "to the right of",
-         metres, 0.05, 0.05, lambda p: p.signed("left_m")),
+         metres, 0.05, 0.05, lambda p: p.signed_fact("left_m")),
         ("above", "higher up in the picture than", "below", "lower down in the picture than",
-         metres, 0.05, 0.05, lambda p: p.signed("above_m")),
+         metres, 0.05, 0.05, lambda p: p.signed_fact("above_m")),
         ("in_front_of", "in front of", "behind", "behind",
-         metres, 0.05, 0.05, lambda p: p.signed("front_m")),
+         metres, 0.05, 0.05, lambda p: p.signed_fact("front_m")),
         ("on", "resting on", "supports", "supporting", metres, 0.005, 0.04, _on),
         ("inside", "inside", "contains", "around",
          share, 0.04, 0.45, _inside),
@@ -132,12 +132,12 @@ def _relations() -> Iterator[tuple[str, Relation]]:
         relation = Relation(margin=margin, unit=unit, yes=yes, no=no, phrase=phrase)
         yield name, relation
         if inverse:
-            turned = _reverse_margin(margin)
-            yield inverse, replace(relation, margin=turned, phrase=phrase_of_inverse)
+            reverse = _reverse_margin(margin)
+            yield inverse, replace(relation, margin=reverse, phrase=phrase_of_inverse)
 
 
 def _reverse_margin(margin: Callable[[Pair], float | None]) -> Callable[[Pair], float | None]:
-    return lambda pair: margin(pair.reversed)
+    return lambda pair: margin(pair.inverse)
 
 
 RELATIONS: Final[Mapping[str, Relation]] = dict(_relations())
@@ -153,7 +153,7 @@ WHICH: Final[Mapping[Which, str]] = {
 
 @dataclass(frozen=True)
 class FactBase:
-    """The facts of one picture, to be asked. Objects are named by their ids."""
+    """The facts of one picture. Objects are named by their ids."""
 
     facts: Facts
 
@@ -175,7 +175,7 @@ class FactBase:
         """How far (a, b) is from where the relation begins to hold, in its unit; None: unknown."""
         return RELATIONS[relation].margin(self.pair(a, b))
 
-    def asked(self, relation: str, a: int, b: int) -> bool | None:
+    def clear_answer(self, relation: str, a: int, b: int) -> bool | None:
         """Whether the relation holds, where the margin is beyond the slack; None elsewhere."""
         margin, kind = self.margin(relation, a, b), RELATIONS[relation]
         if margin is None:
@@ -186,7 +186,7 @@ class FactBase:
         """The objects of a category, by id."""
         return [thing for thing in self.facts.objects if thing.category == category]
 
-    def named(self, name: Designator, *, clearly: bool = False) -> list[FactObject]:
+    def designated_objects(self, name: Designator, *, clearly: bool = False) -> list[FactObject]:
         """The objects that a designator names. clearly: a superlative's margins beyond the slack.
 
         One at most for a superlative; the only one of its category is each of them.
@@ -208,8 +208,8 @@ class FactBase:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Every relation of every ordered pair, as plain values."""
-        for (a, b), turned in ((pair, turned) for pair in self._row for turned in (False, True)):
-            first, second = (b, a) if turned else (a, b)
+        for (a, b), swaps in ((pair, swaps) for pair in self._row for swaps in (False, True)):
+            first, second = (b, a) if swaps else (a, b)
             for name, relation in RELATIONS.items():
                 margin = self.margin(name, first, second)
                 yield {
@@ -219,7 +219,7 @@ class FactBase:
                     "holds": None if margin is None else margin > 0,
                     "margin": margin,
                     "unit": relation.unit,
-                    "asked": self.asked(name, first, second) is not None,
+                    "asked": self.clear_answer(name, first, second) is not None,
                 }
 
 

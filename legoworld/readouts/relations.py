@@ -69,7 +69,7 @@ def _table(_reads: str, image: AnsweredImage) -> Table:
         title="Relations beyond their slack",
         columns=tuple(Column(name=name) for name in columns),
         rows=tuple(
-            (_thing(base, row["a"]), row["relation"], _thing(base, row["b"]),
+            (_describe_object(base, row["a"]), row["relation"], _describe_object(base, row["b"]),
              Number(value=row["margin"], digits=2), row["unit"])
             for row in told
             if row["relation"] in TOLD
@@ -77,7 +77,7 @@ def _table(_reads: str, image: AnsweredImage) -> Table:
     )  # fmt: skip
 
 
-def _thing(base: FactBase, thing: int) -> str:
+def _describe_object(base: FactBase, thing: int) -> str:
     return f"{thing} {base.objects[thing].category}"
 
 

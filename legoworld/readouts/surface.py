@@ -29,15 +29,15 @@ _NEAREST: Final = 1e-6
 class VisibleSurface:
     """Buffers at the scoring raster, (H, W), from the submission's pose.
 
-    depth_z_m: float32, +inf where nothing is hit; shown: int32, index of the snapshot's surface, -1
-    where none; both with the reference's intrinsics. own_depth_z_m, own_shown: with the
-    submission's own, None where those are equal or it is orthographic. projections: raster pixels.
+    depth_z_m: float32, +inf for no hit; surface_index: int32, of the snapshot's surface, -1 for
+    none; both with the reference's intrinsics. own_depth_z_m, own_shown: with the submission's
+    own, None where those are equal or it is orthographic. projections: raster pixels.
     """
 
     raster_wh: tuple[int, int]
     projection: Projection
     depth_z_m: NDArray[np.float32]
-    shown: NDArray[np.int32]
+    surface_index: NDArray[np.int32]
     own_projection: Projection | None
     own_depth_z_m: NDArray[np.float32] | None
     own_shown: NDArray[np.int32] | None
@@ -76,7 +76,7 @@ def visible_surface(
         raster_wh=raster_wh,
         projection=seen,
         depth_z_m=buffers.depth_z_m,
-        shown=buffers.instance,
+        surface_index=buffers.instance,
         own_projection=own_seen,
         own_depth_z_m=own_buffers.depth_z_m if own_buffers else None,
         own_shown=own_buffers.instance if own_buffers else None,

@@ -17,7 +17,7 @@ from legoworld.records.run_rows import RunRow
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.parts import Parts, lone_part, shared_truth_parts
 from legoworld.report.shapes import drawn_predictions
-from legoworld.report.tried import Shifted, Tried, shift_words, try_steps
+from legoworld.report.tried import Gains, Shift, shift_words, try_steps
 
 _ORDER: Final = ("bad", "warn", "note")
 #: A pair under this IoU is worth tightening: it loses at half of AP's thresholds and more.
@@ -55,17 +55,17 @@ def detection_advice(
     image: DetectionImage,
     side: SideImage,
     names: Mapping[int, str],
-    shifted: Shifted | None = None,
+    shift: Shift | None = None,
     *,
     scene: bool,
 ) -> tuple[Advice, ...]:
     """Everything to say of one side's answer to a photo; what to do only where it is a scene.
 
-    shifted: its predictions with another camera, where that finds more.
+    shift: its predictions with another camera, where that finds more.
     """
     advice = failure_advice(side.run_row)
     if not advice:
-        advice += _camera(shifted) if shifted else []
+        advice += _camera(shift) if shift else []
         advice += _unknown_labels(side.run_row) if scene else []
         parts = shared_truth_parts(task, image, side)
         advice += _advise_missed(task, image, side, names, parts)
@@ -88,11 +88,11 @@ def failure_advice(run_row: RunRow) -> list[Advice]:
     return [Advice(level="bad", what=f"no output ({run_row.status}): {what}", do=do)]
 
 
-def _camera(shifted: Shifted) -> list[Advice]:
+def _camera(shift: Shift) -> list[Advice]:
     """All predictions are off by the same pixels, which was tried."""
     what = (
-        f"everything is displaced: {shifted.found} objects are covered instead of "
-        f"{shifted.found_before} once moved {shift_words(shifted.right_px, shifted.down_px)}"
+        f"everything is displaced: {shift.n_found} objects are covered instead of "
+        f"{shift.n_found_before} once moved {shift_words(shift.right_px, shift.down_px)}"
     )
     return [Advice(level="bad", what=what, do="turn or move the camera by as much")]
 
@@ -220,19 +220,19 @@ def _part_alone(name: str, state: str) -> Advice:
 
 
 def _false_one(
-    drawn: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str], off: str
+    prediction: DrawnPrediction, truth: TrueAnnotation | None, names: Mapping[int, str], off: str
 ) -> Advice:
     """off: how it differs from the truth."""
-    name = names[drawn.c]
+    name = names[prediction.c]
     if truth is None:
         return Advice(
             level="bad",
             what=f"{name} where nothing is annotated",
             do="not in the photo, or not annotated there: remove it or its category",
         )
-    overlap = drawn.i or 0.0
+    overlap = prediction.i or 0.0
     other, iou = names[truth.category_id], f"(IoU {overlap:.2f})"
-    if drawn.k == "both" and overlap < _NEAR_IOU:
+    if prediction.k == "both" and overlap < _NEAR_IOU:
         return Advice(
             level="bad",
             what=f"{name} where nothing is annotated; nearest: {other} {iou}",
@@ -255,17 +255,17 @@ def _false_one(
             f"a second {name} on an object that is detected already {iou}",
             "label the whole object once: a category on its parent or collection",
         ),
-    }[str(drawn.k)]
+    }[str(prediction.k)]
     return Advice(level="bad", what=what, do=do)
 
 
 def _off(
-    task: str, entry: ShownPrediction, drawn: DrawnPrediction, truth: TrueAnnotation | None
+    task: str, entry: ShownPrediction, prediction: DrawnPrediction, truth: TrueAnnotation | None
 ) -> str:
     if truth is None:
         return ""
     difference = detection_protocol(task).payload.difference
-    return difference(entry, truth) if difference else _edges(drawn.box, truth.bbox)
+    return difference(entry, truth) if difference else _edges(prediction.box, truth.bbox)
 
 
 def _how_to_fit(
@@ -284,19 +284,19 @@ def _how_to_fit(
     return _step(try_steps(task, image, side, *pair), side, names)
 
 
-def _step(tried: Tried, side: SideImage, names: Mapping[int, str]) -> str:
-    if tried.parts_help:
-        return _count_in(tried, side, names)
-    if not tried.fit_helps:
+def _step(gains: Gains, side: SideImage, names: Mapping[int, str]) -> str:
+    if gains.parts_help:
+        return _count_in(gains, side, names)
+    if not gains.fit_helps:
         return _OUTLINE
-    gain = f": IoU {tried.fitted_iou:.2f}" if tried.fitted_iou < 1 else ""
+    gain = f": IoU {gains.fitted_iou:.2f}" if gains.fitted_iou < 1 else ""
     return f"move or resize it to the photo{gain}"
 
 
-def _count_in(tried: Tried, side: SideImage, names: Mapping[int, str]) -> str:
-    listed = ", ".join(sorted({names[side.entries[d].category_id] for d in tried.given_back}))
+def _count_in(gains: Gains, side: SideImage, names: Mapping[int, str]) -> str:
+    listed = ", ".join(sorted({names[side.entries[d].category_id] for d in gains.given_back}))
     return (
-        f"count {listed} in, if part of it: IoU {tried.together_iou:.2f} with it; a label cuts its "
+        f"count {listed} in, if part of it: IoU {gains.together_iou:.2f} with it; a label cuts its "
         "object out of the one around it"
     )
 

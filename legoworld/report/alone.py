@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from difflib import get_close_matches
 from pathlib import PurePosixPath
 
 from msgspec.structs import replace
 
 from legoworld.errors import UsageError
+from legoworld.pluralize import nearest_names
 from legoworld.records.report_page import BenchAnswer, LabelMapPageView, PageView
 from legoworld.records.report_tables import FirstScreen, PageSection, Plots
 from legoworld.report.cohorts import cohort_of_image
@@ -28,7 +28,7 @@ def photo_alone(document: PageDocument, name: str) -> PageDocument:
     names = {photos[p]: {p, photos[p], PurePosixPath(p).name} for p in photos}
     found = [file for file, known in names.items() if name in known]
     if len(found) != 1:
-        near = get_close_matches(name, names, n=3, cutoff=0.0)
+        near = nearest_names(name, names, cutoff=0.0)
         raise UsageError(
             f"{name} names no photo of this page" if not found else f"{name} names several photos",
             found=", ".join(found or near),
@@ -61,7 +61,7 @@ def photo_alone(document: PageDocument, name: str) -> PageDocument:
             renders=keep_places(scenes.renders, used["render"]),
             glbs=keep_places(scenes.glbs, glbs),
         ),
-        alone=True,
+        single_photo=True,
     )
 
 

@@ -42,20 +42,22 @@ def cohorts(sides: Sequence[StoredEvaluation]) -> Cohorts:
     )
 
 
-def cohort_of_image(whole: Cohorts, image_id: int) -> Cohorts:
+def cohort_of_image(cohorts: Cohorts, image_id: int) -> Cohorts:
     """The part of one image, so that its predictions can be counted by confidence."""
-    at = next(k for k, (image, _, _) in enumerate(whole.images) if image == image_id)
+    at = next(k for k, (image, _, _) in enumerate(cohorts.images) if image == image_id)
     return replace(
-        whole, images=(whole.images[at],), sides=tuple(_of_image(s, at, whole) for s in whole.sides)
+        cohorts,
+        images=(cohorts.images[at],),
+        sides=tuple(_of_image(s, at, cohorts) for s in cohorts.sides),
     )
 
 
-def _of_image(side: MatchedSide, at: int, whole: Cohorts) -> MatchedSide:
-    n_areas, above = len(whole.areas), np.array(side.above)
+def _of_image(side: MatchedSide, at: int, cohorts: Cohorts) -> MatchedSide:
+    n_areas, above = len(cohorts.areas), np.array(side.above)
     mine, truths = _numbers(side.image) == at, _numbers(side.truth_image) == at
     before, start = np.append(0, np.cumsum(mine)), np.cumsum(above[0]) - above[0]
     rows, outcome = np.unique(_numbers(side.outcome)[mine], return_inverse=True)
-    outcomes = _numbers(side.outcomes).reshape(-1, n_areas * whole.thresholds)
+    outcomes = _numbers(side.outcomes).reshape(-1, n_areas * cohorts.thresholds)
     return MatchedSide(
         ranked=side.ranked,
         above=_rows(before[start + above] - before[start]),

@@ -103,17 +103,17 @@ class MendedDepth:
 
     def score(self, predicted: NDArray[Any]) -> float:
         """AbsRel under error_1."""
-        found = self._scored(predicted)
+        found = self._score_depth(predicted)
         return found.metrics["abs_rel"]["error_1"] if found.metrics else 1.0
 
-    def _scored(self, predicted: NDArray[Any]) -> ImageScore:
+    def _score_depth(self, predicted: NDArray[Any]) -> ImageScore:
         array = DepthArray(values=predicted[..., 0], space="depth", unit="m", intrinsics_px=None)
         sample = sampler(array, self._size_wh)
         return score_image(self.truth[..., 0], sample, self._protocol)
 
     def without(self, region: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Aligned by the fit of the other pixels."""
-        found = self._scored(np.where(region[..., None], np.nan, self.predicted))
+        found = self._score_depth(np.where(region[..., None], np.nan, self.predicted))
         if found.fit is None:
             return self.predicted
         return aligned_z(1 / self.predicted, found.fit, 1 / found.deepest_z_m)[0]

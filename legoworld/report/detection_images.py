@@ -41,7 +41,7 @@ class SideImage:
 
     @property
     def quality(self) -> float | None:
-        """Sum of IoU over pairs at 0.5, by TP + FP / 2 + FN / 2 (Kirillov et al., CVPR 2019)."""
+        """Sum of IoU over pairs at 0.5 over (TP + FP/2 + FN/2) (Kirillov et al., CVPR 2019)."""
         measures = self.row.class_aware
         total = measures.n_gt + measures.n_dt
         return 2 * measures.quality_sum / total if total else None
@@ -141,7 +141,7 @@ def _overlaps(
 def shapes(
     task: str, image: TrueImage, rows: Sequence[TrueAnnotation] | Sequence[ShownPrediction]
 ) -> list[Any]:
-    """What is compared of predictions or truths: boxes, or compressed masks."""
+    """Geometry of predictions or truths that IoU compares: boxes, or RLE masks."""
     shape, size_hw = detection_protocol(task).payload.shape, (image.height, image.width)
     return [shape(row, size_hw) for row in rows]
 

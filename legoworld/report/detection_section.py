@@ -35,7 +35,7 @@ from legoworld.report.shapes import drawn_predictions, drawn_truths
 from legoworld.report.sources import Section
 from legoworld.report.tables import category_lines, category_table
 from legoworld.report.tie_picture import tie_pictures
-from legoworld.report.tried import Shifted, common_shift
+from legoworld.report.tried import Shift, common_shift
 
 #: An error of a kind, in words; {0} is the category.
 _WORDS: Final = {
@@ -53,15 +53,15 @@ _WORDS: Final = {
 class _SideErrors:
     """One side's errors, image by image."""
 
-    mended: MendedAp
+    mended_ap: MendedAp
     by_image: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
-    reached: int = 0
+    n_reached: int = 0
     iou: IouCounts = field(default_factory=IouCounts)
 
-    def add(self, image: DetectionImage, side: SideImage, shifted: Shifted | None) -> None:
+    def add(self, image: DetectionImage, side: SideImage, shift: Shift | None) -> None:
         self.by_image[image.image.id] = list(_errors(image, side))
-        self.mended.add(image, side, shifted)
-        self.reached += side.errors.truth.count("reached")
+        self.mended_ap.add(image, side, shift)
+        self.n_reached += side.errors.truth.count("reached")
         self.iou.add(side)
 
     def counts(self, label: str) -> ErrorCounts:
@@ -70,12 +70,12 @@ class _SideErrors:
             label=label,
             counts={k: sum(of_image.count(k) for of_image in kinds) for k in KINDS},
             images={k: sum(k in of_image for of_image in kinds) for k in KINDS},
-            reached=self.reached,
+            reached=self.n_reached,
         )
 
 
 def detection_section(
-    section: Section, made: PageSection, document: PageDocument, places: Photos
+    section: Section, draft: PageSection, document: PageDocument, places: Photos
 ) -> PageSection:
     """A section with its photos; their views go into the document."""
     sides = section.sides
@@ -85,7 +85,7 @@ def detection_section(
     places.read([(row.file_name, sizes_wh[row.image_id]) for row in sides[0].rows])
     rows: list[tuple[float, PhotoRow]] = []
     used: set[int] = set()
-    errors = [_SideErrors(mended=MendedAp(side=side)) for side in sides]
+    errors = [_SideErrors(mended_ap=MendedAp(side=side)) for side in sides]
     ranked = [is_ranked(side) for side in sides]
     gains = photo_gains(sides[0]) if ranked[0] else None
     for image in detection_images(sides):
@@ -103,8 +103,8 @@ def detection_section(
             of_side.add(image, side, shifted)
     categories = category_lines(sides)
     return replace(
-        made,
-        first=first_screen(section, side_costs([_findings(e.mended, names) for e in errors])),
+        draft,
+        first=first_screen(section, side_costs([_findings(e.mended_ap, names) for e in errors])),
         ties=tuple(picture for side in sides for picture in tie_pictures(side)),
         categories=tuple(categories),
         category_table=category_table(section.key, sides, categories),
@@ -119,30 +119,30 @@ def detection_section(
     )
 
 
-def _findings(mended: MendedAp, names: Mapping[int, str]) -> Findings:
+def _findings(mended_ap: MendedAp, names: Mapping[int, str]) -> Findings:
     """One side's errors by kind and category, with what mending them gains."""
-    costs, side = mended.costs(), mended.side
+    costs, side = mended_ap.costs(), mended_ap.side
     attempted = side.summary.coverage.attempted
     found: dict[Key, Finding] = {
         (kind, category): Finding(
             text=_WORDS[kind].format(names.get(category)),
             gain=gain,
-            images=mended.found[kind, category],
+            images=mended_ap.images_by_error[kind, category],
             category=None if kind == CAMERA[0] else category,
-            listed="" if kind == CAMERA[0] else kind,
+            kind_filter="" if kind == CAMERA[0] else kind,
         )
         for (kind, category), gain in costs.gain.items()
     }
-    n = sum(len(images) for key, images in mended.found.items() if key != CAMERA)
+    n = sum(len(images) for key, images in mended_ap.images_by_error.items() if key != CAMERA)
     return Findings(
         side=side,
         metric="AP",
         over=f"all {plural(attempted, 'image', 'images')}",
-        found=found,
-        attempted=attempted,
-        failed=len(mended.failed),
+        by_error=found,
+        n_attempted=attempted,
+        n_failed=len(mended_ap.failed_images),
         value=costs.ap,
-        answered=costs.ap_scored,
+        value_answered=costs.ap_scored,
         errors=f"; {plural(n, 'error', 'errors')}",
     )
 
@@ -160,7 +160,7 @@ def _errors(image: DetectionImage, side: SideImage) -> Iterator[tuple[str, int]]
 def _view(
     section: Section,
     image: DetectionImage,
-    shifts: Sequence[Shifted | None],
+    shifts: Sequence[Shift | None],
     names: Mapping[int, str],
     document: PageDocument,
     places: Photos,
@@ -188,7 +188,7 @@ def _answer(
     image: DetectionImage,
     side: StoredEvaluation,
     answer: SideImage,
-    shifted: Shifted | None,
+    shift: Shift | None,
     names: Mapping[int, str],
     document: PageDocument,
 ) -> DetectionAnswer:
@@ -197,7 +197,7 @@ def _answer(
         status=answer.run_row.status,
         facts=tuple(run_facts(answer.run_row, answer.scene)),
         tables=tuple(run_tables(answer.run_row)),
-        advice=detection_advice(task, image, answer, names, shifted, scene=side.is_scene),
+        advice=detection_advice(task, image, answer, names, shift, scene=side.is_scene),
         predictions=tuple(drawn_predictions(task, image, answer)),
         truth=answer.errors.truth,
         scene=document.scenes.page_scene(answer.scene, answer.run_row) if side.is_scene else None,

@@ -57,7 +57,7 @@ def _rows(
     found = [_by_id(side) for side in sides]
     for metric, name in load_page_family(task).forest.items():
         compared = [_row(pair, metric) for pair in pairs]
-        spans = [_evaluated(side.get(metric)) for side in found]
+        spans = [_evaluation_span(side.get(metric)) for side in found]
         if not sides and compared and compared[0]:
             others = (_span(row.baseline if row else None) for row in compared)
             spans = [_span(compared[0].scene), *others]
@@ -67,7 +67,7 @@ def _rows(
             name=name,
             better=better[metric],
             sides=tuple(spans),
-            differences=tuple(_compared(*of) for of in zip(pairs, compared, strict=True)),
+            differences=tuple(_comparison_span(*of) for of in zip(pairs, compared, strict=True)),
         )
 
 
@@ -88,7 +88,7 @@ def _span(side: Difference | None) -> Span | None:
     return Span(value=side.value, low=low, high=high, over=over)
 
 
-def _compared(pair: Pair, row: ComparisonRow | None) -> Span | None:
+def _comparison_span(pair: Pair, row: ComparisonRow | None) -> Span | None:
     """The difference, with the images that it is of."""
     if row is None:
         return None
@@ -102,7 +102,7 @@ def _compared(pair: Pair, row: ComparisonRow | None) -> Span | None:
     )
 
 
-def _evaluated(row: MetricRow | None) -> Span | None:
+def _evaluation_span(row: MetricRow | None) -> Span | None:
     if row is None:
         return None
     low, high = row.number.ends or (None, None)

@@ -43,10 +43,10 @@ from legoworld.report.sources import Section
 class _Mend(NamedTuple):
     """A kind of error of a category, of whose sums `MapFamily.values` makes the metrics.
 
-    mended: (4,) without it; words: of the error, after the category's name.
+    counts_without: (4,) without it; words: of the error, after the category's name.
     """
 
-    mended: Callable[[Any], Sequence[float]]
+    counts_without: Callable[[Any], Sequence[float]]
     words: Callable[[Any], str]
 
 
@@ -59,7 +59,7 @@ def _share(part: float, whole: float) -> str:
 
 
 #: Drawn pixels by the categories of truth and answer, where they differ; -1 for none.
-_Confused = Counter[tuple[int, int]]
+_Confusions = Counter[tuple[int, int]]
 
 #: Sums of IoU, TP, FP, FN: a segment that is missed is found whole, a false one is not there.
 _OF_SEGMENTS: Final = {
@@ -91,17 +91,17 @@ _OF_CLASSES: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class _Page:
-    """A section that is filled. confused: of every side."""
+    """A section that is filled. confusions: of every side."""
 
     family: MapFamily
     section: Section
     document: PageDocument
     places: Photos
-    confused: tuple[_Confused, ...]
+    confusions: tuple[_Confusions, ...]
 
 
 def _findings(
-    family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluation, confused: _Confused
+    family: MapFamily, mends: Mapping[str, _Mend], side: StoredEvaluation, confusions: _Confusions
 ) -> Findings:
     """The errors of each category, by what PQ or mIoU gains without them."""
     rows, metric = cast("tuple[LabelMapRow, ...]", side.rows), family.metrics[0]
@@ -123,13 +123,13 @@ def _findings(
     before = value(sums, ids)
     for k, category in enumerate(ids):
         for kind, mend in mends.items():
-            change = np.array(mend.mended(of_answered[k])) - of_answered[k]
+            change = np.array(mend.counts_without(of_answered[k])) - of_answered[k]
             if not change.any():
                 continue
             after = sums.copy()
             after[k] += change
             text = f"{known[category].name}: {mend.words(of_answered[k])}"
-            share, other = _taken_for(confused, category)
+            share, other = _taken_for(confusions, category)
             if kind == "missed" and share >= _MOSTLY:
                 text += f"; {share:.0%} of its wrong pixels are {known[other].name}"
             found[kind, category] = Finding(
@@ -138,7 +138,7 @@ def _findings(
                 images=[
                     image
                     for image, of in own.items()
-                    if category in of and [*mend.mended(of[category])] != of[category]
+                    if category in of and [*mend.counts_without(of[category])] != of[category]
                 ],
                 category=category,
             )
@@ -147,12 +147,12 @@ def _findings(
         side=side,
         metric=metric,
         over=f"all {plural(len(rows), 'image', 'images')} attempted",
-        found=found,
-        attempted=len(rows),
-        failed=sum(not row.has_score for row in rows),
+        by_error=found,
+        n_attempted=len(rows),
+        n_failed=sum(not row.has_score for row in rows),
         missing=", all of whose truth is missed",
         value=number(before),
-        answered=number(value(total_sums(answered, there), there)) if answered else None,
+        value_answered=number(value(total_sums(answered, there), there)) if answered else None,
     )
 
 
@@ -160,13 +160,13 @@ def _fill(
     family: MapFamily,
     mends: Mapping[str, _Mend],
     section: Section,
-    made: PageSection,
+    draft: PageSection,
     document: PageDocument,
     places: Photos,
 ) -> PageSection:
-    confused = tuple(_Confused() for _ in section.sides)
+    confusions = tuple(_Confusions() for _ in section.sides)
     page = _Page(
-        family=family, section=section, document=document, places=places, confused=confused
+        family=family, section=section, document=document, places=places, confusions=confusions
     )
     places.read([(row.file_name, None) for row in section.sides[0].rows])
     rows: list[tuple[float, PhotoRow]] = []
@@ -185,10 +185,10 @@ def _fill(
         rows.append((-1.0 if first is None else first, photo))
         document.views.append(_view(page, image))
     names = {str(c.id): c.name for s in section.sides for c in _summary(s).categories}
-    sides = zip(section.sides, confused, strict=True)
+    sides = zip(section.sides, confusions, strict=True)
     costs = side_costs([_findings(family, mends, *side) for side in sides])
     screen = first_screen(section, costs)
-    return replace(made, first=screen, images=in_order(rows), names=names)
+    return replace(draft, first=screen, images=in_order(rows), names=names)
 
 
 def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
@@ -197,9 +197,9 @@ def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
     stored = [side.image_view(LabelMapView, rows[0].image_id) for side in sides]
     views = [view for view in stored if view is not None]  # every image has one
     truth, answers = view_picture(views[0].truth), [view_picture(view.answer) for view in views]
-    for confused, side, row, answer in zip(page.confused, sides, rows, answers, strict=True):
+    for confusions, side, row, answer in zip(page.confusions, sides, rows, answers, strict=True):
         if row.has_score:
-            confused.update(_confusions(truth, answer, [c.id for c in _summary(side).categories]))
+            confusions.update(_confusions(truth, answer, [c.id for c in _summary(side).categories]))
     return LabelMapPageView(
         section=page.section.key,
         id=rows[0].image_id,
@@ -209,29 +209,29 @@ def _view(page: _Page, rows: Sequence[LabelMapRow]) -> LabelMapPageView:
         said=said,
         sides=tuple(map(partial(_answer, page), sides, rows)),
         maps=MapPictures(
-            truth=_kept(page, truth),
-            answers=tuple(_kept(page, answer) for answer in answers),
-            agreements=tuple(_kept(page, view_picture(view.agreement)) for view in views),
+            truth=_add_overlay(page, truth),
+            answers=tuple(_add_overlay(page, answer) for answer in answers),
+            agreements=tuple(_add_overlay(page, view_picture(view.agreement)) for view in views),
         ),
     )
 
 
-def _confusions(truth: Rgb, answer: Rgb, ids: Sequence[int]) -> _Confused:
+def _confusions(truth: Rgb, answer: Rgb, ids: Sequence[int]) -> _Confusions:
     """Of one image, both pictures (H, W, 3)."""
     of, given = picture_categories(truth, ids), picture_categories(answer, ids)
     wrong = (of >= 0) & (given > -2) & (of != given)
     pairs, n = np.unique(np.stack([of[wrong], given[wrong]]), axis=1, return_counts=True)
-    return _Confused(dict(zip(zip(*pairs.tolist(), strict=True), n.tolist(), strict=True)))
+    return _Confusions(dict(zip(zip(*pairs.tolist(), strict=True), n.tolist(), strict=True)))
 
 
-def _taken_for(confused: _Confused, category: int) -> tuple[float, int]:
+def _taken_for(confusions: _Confusions, category: int) -> tuple[float, int]:
     """The other category that most of one's wrong pixels are answered as, and their share."""
-    wrong = {given: n for (of, given), n in confused.items() if of == category}
+    wrong = {given: n for (of, given), n in confusions.items() if of == category}
     other = max((given for given in wrong if given >= 0), key=lambda c: (wrong[c], -c), default=-1)
     return (wrong[other] / sum(wrong.values()), other) if other >= 0 else (0.0, -1)
 
 
-def _kept(page: _Page, picture: Rgb) -> int:
+def _add_overlay(page: _Page, picture: Rgb) -> int:
     """The place of a picture among the page's."""
     page.document.overlays.append(encode_webp(picture))
     return len(page.document.overlays) - 1

@@ -33,7 +33,7 @@ from legoworld.evaluation.detection.ranking.compiled_accumulation import (
 from legoworld.evaluation.stored import StoredEvaluation
 from legoworld.report.detection_images import DetectionImage, SideImage
 from legoworld.report.sources import ReportInputError
-from legoworld.report.tried import Shifted
+from legoworld.report.tried import Shift
 
 #: An error kind and the category id it is told of: the object's where one is meant, else the
 #: prediction's.
@@ -75,12 +75,12 @@ class _Extra:
 class MendedAp:
     """Collects one side's images, then mends. `add` every image once, in any order.
 
-    found: the image ids of every error, by its key; failed: the images without an answer.
+    images_by_error: image ids of each error, by its key; failed_images: those without an answer.
     """
 
     side: StoredEvaluation
-    found: dict[ErrorKey, list[int]] = field(default_factory=lambda: defaultdict(list))
-    failed: list[int] = field(default_factory=list)
+    images_by_error: dict[ErrorKey, list[int]] = field(default_factory=lambda: defaultdict(list))
+    failed_images: list[int] = field(default_factory=list)
     _image_truths: list[tuple[Ints, Ints, Bools, Bools]] = field(default_factory=list)
     _pairs: list[tuple[Ints, Ints, Floats]] = field(default_factory=list)
     _entries: dict[ErrorKey, list[int]] = field(default_factory=lambda: defaultdict(list))
@@ -93,8 +93,8 @@ class MendedAp:
     _missed: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
     _n_truths: int = 0
 
-    def add(self, image: DetectionImage, answer: SideImage, shifted: Shifted | None = None) -> None:
-        """Take an image's overlaps and its errors. shifted: its predictions with another camera."""
+    def add(self, image: DetectionImage, answer: SideImage, shift: Shift | None = None) -> None:
+        """Take an image's overlaps and its errors. shift: its predictions with another camera."""
         errors, first = answer.errors, self._n_truths
         at = np.full(len(image.truths), image.image.id, np.int64)
         categories = np.array([t.category_id for t in image.truths], np.int64)
@@ -106,27 +106,27 @@ class MendedAp:
         d, g = np.nonzero((mine[:, None] == categories) & (answer.iou > 0))
         self._pairs.append((np.array(answer.places, np.int64)[d], first + g, answer.iou[d, g]))
         if answer.run_row.status != "ok":
-            self.failed.append(image.image.id)
+            self.failed_images.append(image.image.id)
             return
         for place, (key, about, iou) in zip(
             answer.places, prediction_errors(image, answer), strict=True
         ):
             if key is None:
                 continue
-            self.found[key].append(image.image.id)
+            self.images_by_error[key].append(image.image.id)
             self._entries[key].append(place)
             if about is not None and errors.truth[about] != "found":
                 self._moved[key].append((place, first + about, iou))
-        if shifted is not None:
-            self.found[CAMERA].append(image.image.id)
-            for place, entry, iou in zip(answer.places, answer.entries, shifted.iou, strict=True):
+        if shift is not None:
+            self.images_by_error[CAMERA].append(image.image.id)
+            for place, entry, iou in zip(answer.places, answer.entries, shift.iou, strict=True):
                 met = np.flatnonzero((categories == entry.category_id) & (iou > 0))
                 overlaps = zip((first + met).tolist(), iou[met].tolist(), strict=True)
                 self._shifted[entry.category_id].append((place, tuple(overlaps)))
         for t, state in enumerate(errors.truth):
             if state == "missed":
                 category = image.truths[t].category_id
-                self.found["missed", category].append(image.image.id)
+                self.images_by_error["missed", category].append(image.image.id)
                 self._missed[category].append(first + t)
 
     def costs(self, metric: Literal["AP", "AP50"] = "AP") -> ApCosts:
@@ -168,20 +168,20 @@ class _Mender:
     thresholds: those of the grid that precision is averaged over.
     """
 
-    def __init__(self, given: MendedAp, grid: Grid, thresholds: Bools) -> None:
-        self._given = given
+    def __init__(self, mended_ap: MendedAp, grid: Grid, thresholds: Bools) -> None:
+        self._mended = mended_ap
         self._grid = replace(grid, areas=grid.areas[:1], ranges=grid.ranges[:1])
         # As many as the compiled accumulation is a mean of, each equally often.
         self._thresholds = np.resize(np.flatnonzero(thresholds), N_THRESHOLDS)
-        self._table: MatchTable = table_from(given.side.matches)
+        self._table: MatchTable = table_from(mended_ap.side.matches)
         table = self._table
         self._slices = table.category_slices
         self._n_truths = table.truths_per_category[0]
-        columns = zip(*given._image_truths, strict=True)
+        columns = zip(*mended_ap._image_truths, strict=True)
         image, category, self._ignored, self._crowd = map(np.concatenate, columns)
         self._truth_image = np.searchsorted(table.image_ids, image)
         self._truth_category = np.searchsorted(table.category_ids, category)
-        entry, truth, iou = map(np.concatenate, zip(*given._pairs, strict=True))
+        entry, truth, iou = map(np.concatenate, zip(*mended_ap._pairs, strict=True))
         order = np.argsort(entry, kind="stable")
         self._pairs = entry[order], truth[order], iou[order]
         # What is not counted although no ignored truth may have taken it: of its category not all
@@ -201,7 +201,7 @@ class _Mender:
 
     def gains(self) -> dict[ErrorKey, float]:
         """AP's gain of every key; those of a category without truth gain nothing."""
-        given, gain = self._given, {}
+        given, gain = self._mended, {}
         n_categories = sum(value is not None for value in self.base)
         for key, entries in given._entries.items():
             kind, k = key[0], self._position(key[1])
@@ -212,7 +212,7 @@ class _Mender:
                 value = self._matched_again(k, entries, moved)
             else:
                 moved = [self._extra(e, ((t, iou),)) for e, t, iou in self._best(given._moved[key])]
-                value = self._matched_again(k, (), moved) + self._freed(entries)
+                value = self._matched_again(k, (), moved) + self._donor_gain(entries)
             gain[key] = value / n_categories
         top = float(self._table.score.max(initial=0.0)) or 1.0
         for category, truths in given._missed.items():
@@ -228,7 +228,7 @@ class _Mender:
 
     def _with_camera(self, category: int) -> float:
         """What a category gains where the photos with a better camera have it."""
-        shifted, ranked = self._given._shifted[category], len(self._row)
+        shifted, ranked = self._mended._shifted[category], len(self._row)
         seen = [one for one in shifted if one[0] < ranked and self._row[one[0]] >= 0]
         moved = [self._extra(entry, overlaps) for entry, overlaps in seen]
         return self._matched_again(self._position(category), [e for e, _ in seen], moved)
@@ -240,7 +240,8 @@ class _Mender:
 
     def mean_of_scored(self) -> float | None:
         """AP over the images that have an answer."""
-        table, failed = self._table, np.searchsorted(self._table.image_ids, self._given.failed)
+        table = self._table
+        failed = np.searchsorted(table.image_ids, self._mended.failed_images)
         if not len(failed) or len(failed) == len(table.image_ids):
             return None
         left = ~np.isin(table.truth_image, failed)
@@ -283,7 +284,7 @@ class _Mender:
         ignored[rows] = ~true[rows]
         return self._gain(k, (true, ignored))
 
-    def _freed(self, entries: Sequence[int]) -> float:
+    def _donor_gain(self, entries: Sequence[int]) -> float:
         """What the categories gain that these predictions were taken from."""
         by_category: dict[int, list[int]] = defaultdict(list)
         for e in entries:
@@ -371,7 +372,7 @@ class _Mender:
         flat = np.zeros(int(start[-1]))
         at = np.searchsorted(images, image)
         base = start[at] + (np.arange(len(image)) - first_d[at]) * n_t[at]
-        local = np.zeros(self._given._n_truths, np.int64)
+        local = np.zeros(self._mended._n_truths, np.int64)
         local[truths] = (
             np.arange(len(truths)) - first_t[np.searchsorted(images, self._truth_image[truths])]
         )

@@ -30,7 +30,7 @@ class Loss(NamedTuple):
 
     image_id: int
     category: str
-    lost: float
+    amount: float
 
 
 def surface_losses(row: ReconstructionRow) -> list[Loss]:
@@ -86,10 +86,10 @@ def _findings(
     for category, some in by_category.items():
         objects = plural(len(some), "object is", "objects are")
         unlike = f"{category}: {objects} unlike the reference"
-        some.sort(key=lambda loss: (-loss.lost, loss.image_id))
+        some.sort(key=lambda loss: (-loss.amount, loss.image_id))
         found["object", category] = Finding(
             text=unlike if category != AROUND else "what is around the scored objects",
-            gain=sum(loss.lost for loss in some) / len(rows),
+            gain=sum(loss.amount for loss in some) / len(rows),
             images=[loss.image_id for loss in some],
             category=ids.get(category),
         )
@@ -97,12 +97,12 @@ def _findings(
         side=side,
         metric=metric,
         over=f"all {plural(len(rows), 'case', 'cases')} attempted",
-        found=found,
-        attempted=len(rows),
+        by_error=found,
+        n_attempted=len(rows),
         noun="valid submission",
         images="case",
-        failed=sum(not row.valid for row in rows),
+        n_failed=sum(not row.valid for row in rows),
         missing=", each counted as 0",
         value=means[metric].value,
-        answered=means[f"{metric}_valid"].value,
+        value_answered=means[f"{metric}_valid"].value,
     )

@@ -99,18 +99,18 @@ def photo_mended(mending: Mending, task: str, view: Any) -> Regions:
     if region is not None:
         gain = base - of.score(np.where(region[..., None], of.truth, of.without(region)))
         share = np.count_nonzero(region) / np.count_nonzero(np.isfinite(errors))
-        text = f"the region {_where(region)}, {share:.0%} of it, is {of.say(region)}"
+        text = f"the region {_describe_place(region)}, {share:.0%} of it, is {of.say(region)}"
         found["region", ""] = Region(gain, text)
     whole = float(np.nansum(errors)) / np.count_nonzero(np.isfinite(of.truth[..., 0]))
     most = max((one.gain for one in found.values()), default=0.0)
     if whole >= mending.far and most < _EXPLAINS * whole:
-        shifted = _shifted(of, mending.hole, view.image_wh[0] / view.size_wh[0])
+        shifted = _find_shift(of, mending.hole, view.image_wh[0] / view.size_wh[0])
         kind = "camera" if shifted else "photo"
         found[kind, ""] = shifted or Region(whole, "wrong as a whole")
     return found
 
 
-def _shifted(of: PixelMending, hole: float, scale: float) -> Region | None:
+def _find_shift(of: PixelMending, hole: float, scale: float) -> Region | None:
     """The shift of the whole picture that was tried and scores much better, where there is one.
 
     Scores are over the pixels that have a prediction. scale: photo's pixels of a drawn one.
@@ -121,7 +121,7 @@ def _shifted(of: PixelMending, hole: float, scale: float) -> Region | None:
         holes = n - np.count_nonzero(np.isfinite(predicted + of.truth)[..., 0])
         return (of.score(predicted) * n - hole * holes) / (n - holes) if n > holes else math.inf
 
-    flat = _filled(of.predicted), _filled(of.truth)
+    flat = _fill_holes(of.predicted), _fill_holes(of.truth)
     step = -(-max(flat[0].shape) // _COARSE_PX)
     thin = flat[0][::step, ::step], flat[1][::step, ::step]
     near = _alike(thin, (0, 0), [n // _REACH for n in thin[0].shape])
@@ -156,7 +156,7 @@ def _overlap(shape: tuple[int, ...], by: tuple[int, int]) -> tuple[slice, slice]
     return rows, cols
 
 
-def _filled(values: NDArray[Any]) -> F32:
+def _fill_holes(values: NDArray[Any]) -> F32:
     """The channel that varies most, without holes."""
     spread = [float(np.nanstd(values[..., k])) for k in range(values.shape[-1])]
     one = values[..., int(np.argmax(spread))].astype(np.float32)
@@ -174,7 +174,7 @@ def _worst(errors: NDArray[np.float64], far: float) -> Mask | None:
     return worst if total.any() else None
 
 
-def _where(region: Mask) -> str:
+def _describe_place(region: Mask) -> str:
     rows, cols = np.nonzero(region)
     place = 3 * int(3 * rows.mean() / region.shape[0]) + int(3 * cols.mean() / region.shape[1])
     return _THIRDS[place]
@@ -211,11 +211,11 @@ def pixel_findings(
         side=side,
         metric=shown,
         over=f"the {plural(len(scored), 'image', 'images')} with a score, of {len(rows)} attempted",
-        found=found,
-        failed=sum(row.has_truth and not row.has_score for row in rows),
-        attempted=sum(row.has_truth for row in rows),
+        by_error=found,
+        n_failed=sum(row.has_truth and not row.has_score for row in rows),
+        n_attempted=sum(row.has_truth for row in rows),
         value=getattr(attempted, name)[policy],
-        answered=summary.metrics[name][policy],
+        value_answered=summary.metrics[name][policy],
         missing=f", each counted as {getattr(attempted, f'missing_{name}'):g}{mending.unit}",
         least=mending.least,
         sign=-1,

@@ -21,7 +21,7 @@ def refuse_others(path: Path, mark: str) -> None:
     start = path.read_bytes()[: len(mark)] if path.is_file() else b""
     if start != mark.encode("ascii"):
         raise LegoWorldError(
-            f"{path.name} is in the way",
+            f"{path.name} exists and is not a report",
             found="something that is not a page of legoworld",
             expected="a new file name, or an earlier page",
             next_step="choose another -o",
@@ -59,7 +59,7 @@ def _clear(folder: Path) -> None:
     strangers = sorted(p.name for p in folder.iterdir() if p not in known)
     if strangers:
         raise LegoWorldError(
-            f"{folder.name} is in the way",
+            f"{folder.name} exists and is not a folder of a report",
             found=", ".join(strangers[:5]),
             expected="no such folder, or that of an earlier page",
             next_step="choose another -o",

@@ -18,7 +18,7 @@ from legoworld.workers.processors import usable_cores
 class PageDocument:
     """Everything a page shows. views: of every photo of every section; photos: each file once.
 
-    overlays: lossless pictures of a bench's outcomes. alone: one photo without lists and tables.
+    overlays: lossless pictures of a bench's outcomes. single_photo: no lists or tables.
     A view's "photo" is a position in photos, or None with "said" saying why; likewise of the
     renders and scenes of its sides in `scenes`.
     """
@@ -28,7 +28,7 @@ class PageDocument:
     photos: list[bytes] = field(default_factory=list)
     overlays: list[bytes] = field(default_factory=list)
     scenes: SceneFiles = field(default_factory=lambda: SceneFiles(folders=()))
-    alone: bool = False
+    single_photo: bool = False
 
     @property
     def pictures(self) -> dict[str, list[bytes]]:
@@ -53,13 +53,13 @@ class Photos:
 
     folder: Path | None
     document: PageDocument
-    known: dict[tuple[str, tuple[int, int] | None], tuple[int | None, str]] = field(
+    embedded_photos: dict[tuple[str, tuple[int, int] | None], tuple[int | None, str]] = field(
         default_factory=dict
     )
 
     def read(self, wanted: Sequence[tuple[str, tuple[int, int] | None]]) -> None:
         """Read photos, several at a time; the page holds them in the order wanted."""
-        new = [key for key in dict.fromkeys(wanted) if key not in self.known]
+        new = [key for key in dict.fromkeys(wanted) if key not in self.embedded_photos]
         with ThreadPoolExecutor(usable_cores()) as pool:
             read = pool.map(lambda key: page_photo(self.folder, *key), new)
             for key, photo in zip(new, read, strict=True):
@@ -67,8 +67,8 @@ class Photos:
                 if photo.webp is not None:
                     position = len(self.document.photos)
                     self.document.photos.append(photo.webp)
-                self.known[key] = (position, photo.said)
+                self.embedded_photos[key] = (position, photo.note)
 
     def place(self, file_name: str, size_wh: tuple[int, int] | None) -> tuple[int | None, str]:
         """Where the page holds a photo that was read, or None and why it does not."""
-        return self.known[file_name, size_wh]
+        return self.embedded_photos[file_name, size_wh]

@@ -45,14 +45,14 @@ SECTION_FIELDS: Final = ("key", "task", "family", "title", "sides", "first", "pl
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenPage:
-    """beside: the folder of what lies next to the page, None where all is inside.
+    """assets_folder: the folder next to the page, None where all is inside.
 
     views: how many pictures of photos or cases it has, and how many of these have no photo;
     left_out: that in words, empty where all have one.
     """
 
     path: Path
-    beside: Path | None
+    assets_folder: Path | None
     n_bytes: int
     views: int
     views_without_photo: int
@@ -91,8 +91,9 @@ def write_page(
     n_bytes = sum(map(len, views)) + sum(len(p) * 4 // 3 for p in pictures)
     beside = PageAssets(
         folder=f"{path.stem}_files",
-        pictures=not document.alone and (len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES),
-        scenes=not document.alone
+        pictures=not document.single_photo
+        and (len(views) > EMBEDDED_VIEWS or n_bytes > EMBEDDED_BYTES),
+        scenes=not document.single_photo
         and sum(map(len, document.scenes.glbs)) * 4 // 3 > EMBEDDED_SCENE_BYTES,
     )
     folder = path.with_name(beside.folder)
@@ -103,11 +104,11 @@ def write_page(
             pictures=document.pictures if beside.pictures else {},
             scenes=document.scenes.glbs if beside.scenes else (),
         )
-    text = page_text(document, views, beside=beside, commands=commands, trajectories=trajectories)
+    text = page_text(document, views, assets=beside, commands=commands, trajectories=trajectories)
     write_text(path, text)
     return WrittenPage(
         path=path,
-        beside=folder if beside.any else None,
+        assets_folder=folder if beside.any else None,
         n_bytes=len(text.encode("utf-8")),
         views=len(views),
         views_without_photo=len(document.without_photo),
@@ -119,7 +120,7 @@ def page_text(
     document: PageDocument,
     views: Sequence[str],
     *,
-    beside: PageAssets,
+    assets: PageAssets,
     commands: Sequence[str],
     trajectories: str = "",
 ) -> str:
@@ -128,16 +129,16 @@ def page_text(
     three = (SCRIPTS / THREE).read_text(encoding="utf-8") if document.in_3d else ""
     style = (SCRIPTS / "report.css").read_text(encoding="utf-8")
     texts: dict[str, str] = {}
-    for kind, pictures in () if beside.pictures else document.pictures.items():
+    for kind, pictures in () if assets.pictures else document.pictures.items():
         texts |= _texts(kind, pictures)
-    texts |= {} if beside.scenes else _texts("scene", document.scenes.glbs)
+    texts |= {} if assets.scenes else _texts("scene", document.scenes.glbs)
     return (
         _environment()
         .get_template("report.html")
         .render(
             mark=Markup(MARK),
             version=__version__,
-            alone=document.alone,
+            alone=document.single_photo,
             sections=document.sections,
             tasks=tasks_table(document.sections) if len(document.sections) > 1 else None,
             commands=commands,
@@ -147,13 +148,13 @@ def page_text(
             no_specialist=NO_SPECIALIST,
             said=sorted({view.said for view in document.without_photo}),
             left_out=_left_out(document),
-            beside=beside,
+            beside=assets,
             style=Markup(style),
             scripts=[Markup(text) for text in (three, script) if text],
             script_sha256=[_sha256_base64(text) for text in (three, script) if text],
             trajectories=trajectories,
-            data=_raw(script_json(_data(document, beside) | {"trajectories": trajectories})),
-            views=[] if beside.pictures else [_raw(v) for v in views],
+            data=_raw(script_json(_data(document, assets) | {"trajectories": trajectories})),
+            views=[] if assets.pictures else [_raw(v) for v in views],
             texts=texts,
         )
     )
@@ -165,19 +166,19 @@ def _left_out(document: PageDocument) -> str:
     return f"{of_all} {word_for(missing, 'has', 'have')} no photo" if missing else ""
 
 
-def _data(document: PageDocument, beside: PageAssets) -> dict[str, Any]:
+def _data(document: PageDocument, assets: PageAssets) -> dict[str, Any]:
     """What the scripts start with; records.d.ts calls it PageData."""
     return {
         "sections": [_for_scripts(section) for section in document.sections],
         "views": [[view.section, view.id, scene_name(view.file_name)] for view in document.views],
         "kinds": [*KINDS, "failed"],
         "beside": {
-            "folder": beside.folder if beside.any else "",
-            "pictures": beside.pictures,
-            "scenes": beside.scenes,
+            "folder": assets.folder if assets.any else "",
+            "pictures": assets.pictures,
+            "scenes": assets.scenes,
         },
         "version": __version__,
-        "alone": document.alone,
+        "alone": document.single_photo,
     }
 
 

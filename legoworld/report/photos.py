@@ -23,10 +23,10 @@ _FOLDERS: Final = ("", "train2017", "val2017")
 
 @dataclass(frozen=True, kw_only=True)
 class Photo:
-    """A photo for the page. webp: None where there is none; said: its note on the page."""
+    """A photo for the page. webp: None where there is none; note: shown instead of it."""
 
     webp: bytes | None
-    said: str
+    note: str
 
 
 def find_photo(photos: Path, file_name: str) -> Path | None:
@@ -45,16 +45,16 @@ def find_photo(photos: Path, file_name: str) -> Path | None:
 
 
 def page_photo(photos: Path | None, file_name: str, size_wh: tuple[int, int] | None) -> Photo:
-    """A photo at most 800 pixels long; one that is absent or does not decode is said, not raised.
+    """A photo at most 800 pixels long; a note in place of one that is absent or does not decode.
 
     size_wh: what the annotations are drawn for. A photo of another size is not shown: the drawing
     would lie about it.
     """
     if photos is None:
-        return Photo(webp=None, said="no folder of photos was given (--photos)")
+        return Photo(webp=None, note="no folder of photos was given (--photos)")
     path = find_photo(photos, file_name)
     if path is None:
-        return Photo(webp=None, said=f"the photo {file_name} was not found")
+        return Photo(webp=None, note=f"the photo {file_name} was not found")
     return page_picture(path, f"the photo {file_name}", size_wh)
 
 
@@ -65,11 +65,11 @@ def page_picture(
     try:
         picture = read_photo(path, most_px=most_px, name=path.name)
     except (LegoWorldError, OSError) as error:
-        return Photo(webp=None, said=f"{name} could not be read: {cause(error)}")
+        return Photo(webp=None, note=f"{name} could not be read: {cause(error)}")
     height, width = picture.shape[:2]
     if size_wh is not None and (width, height) != size_wh:
-        said = f"{name} is {width}x{height}, its truth {size_wh[0]}x{size_wh[1]}"
-        return Photo(webp=None, said=f"{said}: not shown")
+        sizes = f"{name} is {width}x{height}, its truth {size_wh[0]}x{size_wh[1]}"
+        return Photo(webp=None, note=f"{sizes}: not shown")
     shrink = LONGEST_SIDE / max(width, height)
     if shrink < 1:
         small = max(1, round(width * shrink)), max(1, round(height * shrink))
@@ -79,4 +79,4 @@ def page_picture(
     )
     if not done:
         raise LegoWorldError("a photo could not be encoded", found=f"shape {picture.shape}")
-    return Photo(webp=data.tobytes(), said="")
+    return Photo(webp=data.tobytes(), note="")

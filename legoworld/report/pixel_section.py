@@ -82,7 +82,7 @@ def pixel_page(page: PixelPage) -> PageFamily:
 
 
 def pixel_section(
-    page: PixelPage, section: Section, made: PageSection, document: PageDocument, places: Photos
+    page: PixelPage, section: Section, draft: PageSection, document: PageDocument, places: Photos
 ) -> PageSection:
     """A section with its photos; their views go into the document."""
     rows: list[tuple[float, PhotoRow]] = []
@@ -110,7 +110,7 @@ def pixel_section(
         pixel_findings(page.mending, metric, *of) for of in zip(section.sides, regions, strict=True)
     ]
     return replace(
-        made,
+        draft,
         first=first_screen(section, side_costs(costs)),
         images=in_order(rows),
         names={},
@@ -119,7 +119,7 @@ def pixel_section(
             policy=policy,
             constant=page.constant is not None,
         ),
-        plots=plots.plots([side.name for side in section.sides]) if plots else made.plots,
+        plots=plots.plots([side.name for side in section.sides]) if plots else draft.plots,
     )
 
 

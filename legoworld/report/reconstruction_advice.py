@@ -44,7 +44,7 @@ def bench_advice(
         found.append(Advice(level="bad", what=f"not scored ({row.status}): {row.reason}"))
     found += _checks(row)
     if row.status == COMPARED:
-        found += _camera(row.camera) + _tried(row, posed) + _objects(row)
+        found += _camera(row.camera) + _alignment_advice(row, posed) + _objects(row)
     found += [_flag(flag) for flag in row.flags]
     warnings = {*row.warnings, *run_row.warnings}
     found += [Advice(level="warn", what=str(w)) for w in sorted(warnings)]
@@ -129,7 +129,7 @@ def _camera(camera: CameraError | None) -> list[Advice]:
     return found
 
 
-def _tried(row: ReconstructionRow, posed: float | None) -> list[Advice]:
+def _alignment_advice(row: ReconstructionRow, posed: float | None) -> list[Advice]:
     """The pose, the motion or the scale that R was measured with, where it gains: the best."""
     found, camera = row.diagnostics, row.camera
     if row.R is None or camera is None:

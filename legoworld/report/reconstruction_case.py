@@ -107,7 +107,7 @@ def seen_from_reference(
     inputs: BenchInputs,
     reference: Reference,
     run_row: RunRow,
-    seen: SeenSurface,
+    surface: SeenSurface,
     protocol: BenchProtocol,
 ) -> float | None:
     """R of a submission's points as the reference's camera sees them in the submission's world."""
@@ -117,7 +117,7 @@ def seen_from_reference(
     cameras = (run_row.camera, truth.camera)
     ours, theirs = (np.array(camera.world_from_cam, np.float64) for camera in cameras)
     motion = np.linalg.solve(theirs, ours)
-    return r_moved(reference, seen.depth_z_m, motion, protocol, len(truth.scored))
+    return r_moved(reference, surface.depth_z_m, motion, protocol, len(truth.scored))
 
 
 def differences(inputs: BenchInputs, run_row: RunRow, row: ReconstructionRow) -> Codes:

@@ -52,9 +52,9 @@ def error_steps(delta: int) -> tuple[Outcome, ...]:
     return tuple(found)
 
 
-def hit_picture(seen: SeenSurface) -> bytes:
+def hit_picture(surface: SeenSurface) -> bytes:
     """The outcome of every raster pixel, as WebP to lay over the reference."""
-    return _encode_palette(seen.together, [o.colour for o in OUTCOMES], _OPACITY)
+    return _encode_palette(surface.together, [o.colour for o in OUTCOMES], _OPACITY)
 
 
 def error_picture(largest: Codes, delta: int) -> bytes:
@@ -119,7 +119,7 @@ def drawn_points(
         size_wh=(width, height),
         step=step,
         n_raster=raster.width * raster.height,
-        **_thinned(raster, step),
+        **_thin_intrinsics(raster, step),
         z0_m=z0_m,
         depth_step=depth_step,
         reference=next(codes),
@@ -136,7 +136,7 @@ def drawn_points(
     ]
 
 
-def _thinned(raster: Raster, step: int) -> dict[str, float]:
+def _thin_intrinsics(raster: Raster, step: int) -> dict[str, float]:
     """Intrinsics of the thinned grid: the same rays through the pixels that are kept."""
     offset = step // 2
     return {

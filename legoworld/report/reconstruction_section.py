@@ -63,14 +63,14 @@ from legoworld.tables.table import Table
 
 @dataclass(frozen=True, kw_only=True)
 class _Submission:
-    """One side's answer to a case. why: that there is no picture of its surface, else ""."""
+    """One side's answer to a case. reason: why there is no picture of its surface, else ""."""
 
     side: StoredEvaluation
     row: ReconstructionRow
     run_row: RunRow
     inputs: BenchInputs | None
-    seen: SeenSurface | None
-    why: str
+    surface: SeenSurface | None
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,12 +89,12 @@ class _Bench:
 
     @cached_property
     def protocol(self) -> BenchProtocol:
-        """The shipped card's."""
+        """Protocol of the shipped card."""
         return bench_protocol()
 
 
 def bench_section(
-    section: Section, made: PageSection, document: PageDocument, places: Photos
+    section: Section, draft: PageSection, document: PageDocument, places: Photos
 ) -> PageSection:
     """A section with its cases; their views go into the document."""
     sides = section.sides
@@ -128,7 +128,7 @@ def bench_section(
     costs = bench_costs(sides, surfaces, bench.pictures, bench.ids)
     by_group = replace(wide_table(tables.board), title="Leaderboard by group")
     return replace(
-        made,
+        draft,
         first=bench_first_screen(section, tables.board, costs),
         overview=(
             leaderboard_table(tables),
@@ -136,7 +136,7 @@ def bench_section(
             *_standings(section, tables.board),
             *flag_tables(section),
         ),
-        numbers=(by_group, *made.numbers),
+        numbers=(by_group, *draft.numbers),
         images=in_order(rows),
         names={str(k): name for name, k in bench.ids.items()},
         bench=tables,
@@ -171,7 +171,7 @@ def _view(bench: _Bench, rows: Sequence[ReconstructionRow]) -> BenchPageView:
     if isinstance(reference, Reference):
         case = next(i for i in bench.inputs if isinstance(i, BenchInputs)).dataset.cases
         objects = drawn_objects(reference, case[first.image_id], bench.ids)
-        raster, points = drawn_points(reference, [s.seen for s in submissions])
+        raster, points = drawn_points(reference, [s.surface for s in submissions])
         size_wh = reference.raster.width, reference.raster.height
     return BenchPageView(
         section=bench.section.key,
@@ -212,24 +212,24 @@ def _submission(
     reference: Reference | str,
 ) -> _Submission:
     run_row = side.run_rows[row.image_id]
-    seen, why = None, ""
+    surface, reason = None, ""
     if isinstance(inputs, str) or isinstance(reference, str):
-        why = inputs if isinstance(inputs, str) else str(reference)
+        reason = inputs if isinstance(inputs, str) else str(reference)
     elif row.status != COMPARED:
-        why = f"it was not compared: {row.status}"
+        reason = f"it was not compared: {row.status}"
     else:
         try:
             sampling = side.reconstruction.protocol.reference_sampling
-            seen = seen_surface(inputs, reference, run_row, row, bench.protocol, sampling)
+            surface = seen_surface(inputs, reference, run_row, row, bench.protocol, sampling)
         except LegoWorldError as error:
-            why = error.what
+            reason = error.what
     return _Submission(
         side=side,
         row=row,
         run_row=run_row,
         inputs=None if isinstance(inputs, str) else inputs,
-        seen=seen,
-        why=why,
+        surface=surface,
+        reason=reason,
     )
 
 
@@ -238,22 +238,22 @@ def _answer(
     of: _Submission,
     points: BenchPoints | None,
     reference: Reference | str,
-    lost: list[Loss],
+    losses: list[Loss],
 ) -> BenchAnswer:
     document, row, run_row = bench.document, of.row, of.run_row
-    hit, wrong, why = None, None, of.why
+    hit, wrong, why = None, None, of.reason
     render, posed = bench_render(of), None
-    if of.seen is not None:
-        hit = _kept(document, hit_picture(of.seen))
-    if of.seen is not None and of.inputs is not None and isinstance(reference, Reference):
-        posed = seen_from_reference(of.inputs, reference, run_row, of.seen, bench.protocol)
+    if of.surface is not None:
+        hit = _add_overlay(document, hit_picture(of.surface))
+    if of.surface is not None and of.inputs is not None and isinstance(reference, Reference):
+        posed = seen_from_reference(of.inputs, reference, run_row, of.surface, bench.protocol)
     if of.inputs is not None and not isinstance(render, str):
         try:
             delta = bench.protocol.delta
             largest = differences(of.inputs, run_row, row)
-            wrong = _kept(document, error_picture(largest, delta))
+            wrong = _add_overlay(document, error_picture(largest, delta))
             if isinstance(reference, Reference):
-                lost += picture_losses(row, largest, reference.label, delta)
+                losses += picture_losses(row, largest, reference.label, delta)
         except LegoWorldError as error:
             render = why = error.what
     return BenchAnswer(
@@ -275,7 +275,7 @@ def _answer(
 def bench_render(of: _Submission) -> Path | str:
     """The evaluator's render of a submission, or why there is none."""
     if of.inputs is None:
-        return of.why
+        return of.reason
     if of.run_row.render is UNSET:
         return "the run made no render of it"
     path = of.inputs.run / of.run_row.render.file
@@ -284,7 +284,7 @@ def bench_render(of: _Submission) -> Path | str:
     return path
 
 
-def _kept(document: PageDocument, picture: bytes) -> int:
+def _add_overlay(document: PageDocument, picture: bytes) -> int:
     document.overlays.append(picture)
     return len(document.overlays) - 1
 

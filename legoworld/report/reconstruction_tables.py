@@ -108,7 +108,7 @@ def leaderboard_table(tables: BenchTables) -> Table:
         rows.append(
             [
                 Text(text=row.agent, below="" if row.model == NOT_RECORDED else row.model),
-                *(_repeated(every.metrics[name]) for name in shown),
+                *(_mean_of_runs(every.metrics[name]) for name in shown),
                 f"{n_valid} of {every.cases}",
                 ", ".join(row.evaluations),
             ]
@@ -130,7 +130,7 @@ def second_card_tables(tables: BenchTables) -> list[Table]:
     rows: list[list[Cell]] = [
         [
             Text(text=row.agent, below="" if row.model == NOT_RECORDED else row.model),
-            *(_repeated(row.groups[0].metrics[name]) for name in shown),
+            *(_mean_of_runs(row.groups[0].metrics[name]) for name in shown),
         ]
         for row in tables.board.rows
     ]
@@ -144,11 +144,11 @@ def second_card_tables(tables: BenchTables) -> list[Table]:
     return [table(header, rows, title="Both cards", notes=[note])]
 
 
-def _repeated(found: Repeated) -> Number:
+def _mean_of_runs(found: Repeated) -> Number:
     """A mean over runs with its interval, and its standard deviation below that."""
     mean = Number(value=found.mean, sd=found.sd, digits=3)
     ends = found.interval.ends if found.interval else None
-    return replace(mean, ends=ends, below=mean.spread) if ends else mean
+    return replace(mean, ends=ends, below=mean.interval_text) if ends else mean
 
 
 def flag_tables(section: Section) -> list[Table]:

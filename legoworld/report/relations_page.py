@@ -27,7 +27,7 @@ _TOLD: Final = 20
 
 
 def _fill(
-    section: Section, made: PageSection, document: PageDocument, places: Photos
+    section: Section, draft: PageSection, document: PageDocument, places: Photos
 ) -> PageSection:
     """A section with its photos, the worst of the first side first."""
     places.read([(row.file_name, None) for row in section.sides[0].rows])
@@ -46,7 +46,7 @@ def _fill(
         )  # fmt: skip
         document.views.append(view)
     first = first_screen(section, side_costs([_findings(side) for side in section.sides]))
-    return replace(made, first=first, images=in_order(rows), names={})
+    return replace(draft, first=first, images=in_order(rows), names={})
 
 
 def _findings(side: StoredEvaluation) -> Findings:
@@ -71,12 +71,12 @@ def _findings(side: StoredEvaluation) -> Findings:
         side=side,
         metric="accuracy",
         over=f"all {plural(n, 'question', 'questions')} with a true answer",
-        found=found,
-        attempted=len(rows),
-        failed=sum(row.status != "ok" and row.n_true > 0 for row in rows),
+        by_error=found,
+        n_attempted=len(rows),
+        n_failed=sum(row.status != "ok" and row.n_true > 0 for row in rows),
         missing=", each of whose questions counts as wrong",
         value=right / n if n else None,
-        answered=right_answered / n_answered if n_answered else None,
+        value_answered=right_answered / n_answered if n_answered else None,
     )
 
 
@@ -134,12 +134,12 @@ def _answer(
     )
 
 
-def _cell(row: RelationsRow, drawn: Answer) -> RelationsCell:
+def _cell(row: RelationsRow, answer: Answer) -> RelationsCell:
     sums = row.sums.get("accuracy")
     return RelationsCell(
         status=row.status,
-        advice=drawn.advice[0].what if drawn.advice else "",
-        findings=sum(a.level == "bad" for a in drawn.advice),
+        advice=answer.advice[0].what if answer.advice else "",
+        findings=sum(a.level == "bad" for a in answer.advice),
         accuracy=sums.score / sums.n if sums else None,
         answered=row.n_answered,
     )

@@ -133,7 +133,7 @@ class SceneFiles:
     def _add_render(self, path: Path) -> tuple[int | None, str]:
         picture = page_picture(path, f"{path.parent.name}/{path.name}", most_px=MOST_PX)
         if picture.webp is None:
-            return None, picture.said
+            return None, picture.note
         self.renders.append(picture.webp)
         return len(self.renders) - 1, ""
 

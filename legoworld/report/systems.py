@@ -57,41 +57,41 @@ def photos_table(section: Section, rows: Sequence[PhotoRow]) -> tuple[Table, ...
     )
 
 
-def _ranks_table(section: Section, ranked: RankedSides, label: str) -> Table:
+def _ranks_table(section: Section, ranking: RankedSides, label: str) -> Table:
     names = [side.name for side in section.sides]
     minus = [f"minus {k + 1}" for k in range(len(names))]
     rows: list[tuple[Cell, ...]] = []
     for i, name in enumerate(names):
-        rank = ranked.ranks[i]
+        rank = ranking.ranks[i]
         spread = "" if rank.low is None else f" [{rank.low}, {rank.high}]"
-        value = Number(value=_known(ranked.values[i]))
-        rows.append((i + 1, name, value, f"{rank.rank}{spread}", *_differences(ranked, i)))
-    better = "lower" if ranked.metric.better == "lower" else "higher"
+        value = Number(value=_nan_to_none(ranking.values[i]))
+        rows.append((i + 1, name, value, f"{rank.rank}{spread}", *_differences(ranking, i)))
+    better = "lower" if ranking.metric.better == "lower" else "higher"
     return Table(
         columns=tuple(Column(name=name) for name in ("", "system", label, "rank", *minus)),
         rows=tuple(rows),
         title="Systems",
         notes=(
             f"{label} over all attempted images, {better} is better; 95 % intervals of "
-            f"differences and ranks over {_SETTINGS.draws} draws of {ranked.unit}s, the same for "
+            f"differences and ranks over {_SETTINGS.draws} draws of {ranking.unit}s, the same for "
             "all systems. A difference whose interval contains 0 tells no two apart.",
         ),
     )
 
 
-def _differences(ranked: RankedSides, i: int) -> list[Cell]:
+def _differences(ranking: RankedSides, i: int) -> list[Cell]:
     cells: list[Cell] = []
-    for j in range(len(ranked.values)):
+    for j in range(len(ranking.values)):
         if i == j:
             cells.append("")
             continue
-        value, interval = ranked.differences[i, j]
+        value, interval = ranking.differences[i, j]
         ends = interval.ends if interval else None
-        cells.append(Number(value=_known(value), ends=ends, signed=True))
+        cells.append(Number(value=_nan_to_none(value), ends=ends, signed=True))
     return cells
 
 
-def _known(value: float) -> float | None:
+def _nan_to_none(value: float) -> float | None:
     return None if value != value else float(value)
 
 

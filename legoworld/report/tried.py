@@ -30,7 +30,7 @@ _MOST_PAIRS: Final = 500
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried:
+class Gains:
     """What helps a prediction that covers its truth too little, by the IoU it would have.
 
     given_back: predictions of other categories in the truth, that with it cover it better;
@@ -57,8 +57,8 @@ class Tried:
         return self.fitted_iou >= self.iou + _GAIN
 
 
-def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, truth: int) -> Tried:
-    """Try both steps on one prediction of a side, by its place there, and its truth."""
+def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, truth: int) -> Gains:
+    """Gains of both steps for a prediction. entry, truth: indices in `side` and `image`."""
     predicted = shapes(task, image.image, side.entries)
     wanted = shapes(task, image.image, [image.truths[truth]])
     own = side.entries[entry].category_id
@@ -74,7 +74,7 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
     if parts:
         whole = payload.enclose_shapes([predicted[entry], *(predicted[d] for d in parts)])
         together = float(payload.compare_shapes([whole], wanted, [0])[0, 0])
-    return Tried(
+    return Gains(
         iou=iou,
         given_back=parts,
         together_iou=together,
@@ -83,26 +83,26 @@ def try_steps(task: str, image: DetectionImage, side: SideImage, entry: int, tru
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shifted:
+class Shift:
     """All predictions of a photo moved right and down by the same pixels.
 
-    iou: (D, G) with them; found_before, found: truths that a prediction of their category covers.
+    iou: (D, G) with them; n_found_before, n_found: truths that their category's predictions cover.
     """
 
     right_px: int
     down_px: int
     iou: NDArray[np.float64]
-    found_before: int
-    found: int
+    n_found_before: int
+    n_found: int
 
 
-def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shifted | None:
+def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shift | None:
     """The shift that most pairs of a category agree on, where it finds more truths; or None."""
     payload = detection_protocol(task).payload
     if payload.iou_type not in _FLAT or min(len(side.entries), len(image.truths)) < _AGREEING:
         return None
     same = _same_category(image, side)
-    before = _covered(side.iou, same)
+    before = _count_covered(side.iou, same)
     if 2 * before >= len(image.truths) or same.sum() > _MOST_PAIRS:
         return None
     pairs = np.argwhere(same)
@@ -118,13 +118,13 @@ def common_shift(task: str, image: DetectionImage, side: SideImage) -> Shifted |
     right, down = (round(v) for v in np.median(apart[best], axis=0).tolist())
     if np.count_nonzero(best) < _AGREEING or not (right or down):
         return None
-    moved = [_moved(shape, right, down) for shape in shapes(task, image.image, side.entries)]
+    moved = [_move_shape(shape, right, down) for shape in shapes(task, image.image, side.entries)]
     crowd = [int(bool(t.iscrowd)) for t in image.truths]
     iou = payload.compare_shapes(moved, shapes(task, image.image, image.truths), crowd)
-    found = _covered(iou, same)
-    if found - before < _AGREEING:
+    n_found = _count_covered(iou, same)
+    if n_found - before < _AGREEING:
         return None
-    return Shifted(right_px=right, down_px=down, iou=iou, found_before=before, found=found)
+    return Shift(right_px=right, down_px=down, iou=iou, n_found_before=before, n_found=n_found)
 
 
 def shift_words(right: int, down: int, scale: float = 1.0) -> str:
@@ -143,11 +143,11 @@ def _same_category(image: DetectionImage, side: SideImage) -> NDArray[np.bool_]:
     return same
 
 
-def _covered(iou: NDArray[np.float64], same: NDArray[np.bool_]) -> int:
+def _count_covered(iou: NDArray[np.float64], same: NDArray[np.bool_]) -> int:
     return int(((iou >= FOREGROUND_IOU) & same).any(axis=0).sum())
 
 
-def _moved(shape: Any, right: int, down: int) -> Any:
+def _move_shape(shape: Any, right: int, down: int) -> Any:
     """A box, or a mask, elsewhere; what leaves the picture is cut off."""
     if not isinstance(shape, dict):
         return [shape[0] + right, shape[1] + down, *shape[2:]]

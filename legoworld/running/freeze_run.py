@@ -69,7 +69,7 @@ def freeze_scenes(
     total: called with the number of scenes; row: with each scene's row as it is done.
     """
     folders = [find_scene(scenes, image.scene) for image in make_folder_track(scenes).images]
-    job = Job(make=partial(_Freezer, cache, limits), lost=_lost_row)
+    job = Job(make=partial(_Freezer, cache, limits), lost_result=_lost_row)
     total(len(folders))
     done = []
     with closing(ENGINES[engine](job, folders, workers)) as rows:

@@ -203,7 +203,7 @@ def make_record(
     return ImageRecord(row=row, predictions=predictions, scene=source)
 
 
-def _view_warnings(scene: ReadScene, full_size: tuple[int, int], seen: View) -> list[str]:
+def _view_warnings(scene: ReadScene, full_size: tuple[int, int], view: View) -> list[str]:
     render, warnings = scene.snapshot.render, []
     if aspect_differs(render, full_size):
         w, h = render.size_wh
@@ -211,7 +211,7 @@ def _view_warnings(scene: ReadScene, full_size: tuple[int, int], seen: View) -> 
             f"the scene's own picture is {w}x{h}, the image {full_size[0]}x{full_size[1]}: "
             "another aspect, so the view is fitted by Blender's sensor rule"
         )
-    if not seen.area_px.any():
+    if not view.area_px.any():
         warnings.append("the camera sees nothing: every pixel is without geometry")
     return warnings
 
@@ -220,7 +220,7 @@ def _instance_report(
     row: RunRow,
     scene: ReadScene,
     grouping: Grouping,
-    seen: View,
+    view: View,
     vocabulary: Vocabulary,
     answers: Set[int],
     threads: int,
@@ -231,25 +231,25 @@ def _instance_report(
     """
     labelled = [i for i in grouping.instances if i.category is not None]
     unlabelled = [i for i in grouping.instances if i.category is None]
-    nested = [i for i in grouping.nested if seen.area_px[i] > 0]
+    nested = [i for i in grouping.enclosing_instance if view.area_px[i] > 0]
     return replace(
         row,
         instances=InstanceCounts(
             total=len(grouping.instances),
             labelled=len(labelled),
-            visible_labelled=sum(bool(seen.area_px[i.id]) for i in labelled),
-            visible_unlabelled=sum(bool(seen.area_px[i.id]) for i in unlabelled),
+            visible_labelled=sum(bool(view.area_px[i.id]) for i in labelled),
+            visible_unlabelled=sum(bool(view.area_px[i.id]) for i in unlabelled),
         ),
-        unlabelled=_largest_unlabelled(unlabelled, seen),
-        unlabelled_px=int(sum(seen.area_px[i.id] for i in unlabelled)),
-        nested=Nested(instances=len(nested), px=int(sum(seen.area_px[i] for i in nested))),
+        unlabelled=_largest_unlabelled(unlabelled, view),
+        unlabelled_px=int(sum(view.area_px[i.id] for i in unlabelled)),
+        nested=Nested(instances=len(nested), px=int(sum(view.area_px[i] for i in nested))),
         matched=_matched_names(labelled),
         unmatched=tuple(
             Unmatched(label=text, count=count, nearest=tuple(vocabulary.nearest(text)))
             for text, count in grouping.outside_vocabulary.items()
         ),
         unexported=_list_unexported(
-            scene, grouping, [i for i in labelled if i.id not in answers], seen, vocabulary, threads
+            scene, grouping, [i for i in labelled if i.id not in answers], view, vocabulary, threads
         ),
     )
 
@@ -258,15 +258,15 @@ def _list_unexported(
     scene: ReadScene,
     grouping: Grouping,
     labelled: list[Instance],
-    seen: View,
+    view: View,
     vocabulary: Vocabulary,
     threads: int,
 ) -> tuple[Unexported, ...]:
     """Those of the labelled instances that have no pixel, by name."""
     unexported: list[Unexported] = []
-    unseen = [i.id for i in labelled if seen.area_px[i.id] == 0]
+    unseen = [i.id for i in labelled if view.area_px[i.id] == 0]
     if unseen:
-        reasons = unseen_reasons(scene.snapshot, grouping, seen, among=unseen, threads=threads)
+        reasons = unseen_reasons(scene.snapshot, grouping, view, among=unseen, threads=threads)
         unexported = [
             Unexported(name=i.name, category=i.category.name, reason=reasons[i.id])
             for i in labelled
@@ -286,12 +286,12 @@ def _export_row(instance: Instance) -> Exported:
     )
 
 
-def _largest_unlabelled(unlabelled: list[Instance], seen: View) -> tuple[Unlabelled, ...]:
+def _largest_unlabelled(unlabelled: list[Instance], view: View) -> tuple[Unlabelled, ...]:
     """The largest visible unlabelled instances: candidates for missing labels."""
-    visible = [i for i in unlabelled if seen.area_px[i.id] > 0]
-    visible.sort(key=lambda i: (-int(seen.area_px[i.id]), i.id))
+    visible = [i for i in unlabelled if view.area_px[i.id] > 0]
+    visible.sort(key=lambda i: (-int(view.area_px[i.id]), i.id))
     return tuple(
-        Unlabelled(name=i.name, area_px=int(seen.area_px[i.id]))
+        Unlabelled(name=i.name, area_px=int(view.area_px[i.id]))
         for i in visible[:_UNLABELLED_SHOWN]
     )
 

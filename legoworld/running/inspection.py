@@ -54,7 +54,7 @@ class OpenScene:
 class LabelledScene:
     """A scene with its labels and instances under one vocabulary, None for labels as written."""
 
-    opened: OpenScene
+    open_scene: OpenScene
     vocabulary: Vocabulary | None
     labels: Labels
     grouping: Grouping
@@ -92,7 +92,7 @@ class Inspection:
         return instance_entries(self.scene, self.grouping, self.view)
 
     @cached_property
-    def exported(self) -> tuple[InstanceRow, ...]:
+    def exported_rows(self) -> tuple[InstanceRow, ...]:
         """The rows of the instances with a category and a visible pixel, by id."""
         visible = select_exported(self.grouping.instances, self.view)
         return tuple(_entry(self.grouping, self.view, instance, None) for instance in visible)
@@ -100,9 +100,9 @@ class Inspection:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Caveats about this view, as sentences."""
-        snapshot, size = self.labelled.opened.scene.snapshot, self.view.size_wh
+        snapshot, size = self.labelled.open_scene.scene.snapshot, self.view.size_wh
         warnings = [
-            *self.labelled.opened.warnings,
+            *self.labelled.open_scene.warnings,
             *self.scene.files.warnings,
             *snapshot.warnings,
             *self.grouping.warnings,
@@ -168,14 +168,16 @@ def open_scene(
 
 
 def label(
-    opened: OpenScene, vocabulary: Vocabulary | None, override_property: str | None
+    open_scene: OpenScene, vocabulary: Vocabulary | None, override_property: str | None
 ) -> LabelledScene:
     """The scene's instances under a vocabulary. Raises LabelsInvalidError."""
-    folder = opened.folder
+    folder = open_scene.folder
     outside = () if folder.lone else read_labels_file(folder.file(LABELS))
-    labels = resolve_labels(opened.scene.snapshot, outside, vocabulary, override_property)
-    grouping = group(opened.scene.snapshot, labels)
-    return LabelledScene(opened=opened, vocabulary=vocabulary, labels=labels, grouping=grouping)
+    labels = resolve_labels(open_scene.scene.snapshot, outside, vocabulary, override_property)
+    grouping = group(open_scene.scene.snapshot, labels)
+    return LabelledScene(
+        open_scene=open_scene, vocabulary=vocabulary, labels=labels, grouping=grouping
+    )
 
 
 def look(
@@ -189,7 +191,7 @@ def look(
 
     views: what was drawn of the scene for other vocabularies.
     """
-    scene = labelled.opened.scene
+    scene = labelled.open_scene.scene
     size = size_wh or scene.snapshot.render.size_wh
     drawn = SceneViews() if views is None else views
     seen = drawn.view(scene.snapshot, labelled.grouping, size, exact=True, threads=threads)
@@ -204,7 +206,7 @@ def look_through(
     lens: LensMap | None = None,
 ) -> Inspection:
     """A scene's view through any camera. lens: the map of the camera's lens, if it has one."""
-    scene = labelled.opened.scene
+    scene = labelled.open_scene.scene
     pinhole = camera.projection(scene.snapshot)
     snapshot = replace(scene.snapshot, camera=camera.placed_in(scene.snapshot))
     seen = view_through(
@@ -233,13 +235,13 @@ def _files(
         return files, [f"{error.what}: readout refuses the scene until it is frozen again"]
 
 
-def instance_entries(scene: ReadScene, grouping: Grouping, seen: View) -> tuple[InstanceRow, ...]:
+def instance_entries(scene: ReadScene, grouping: Grouping, view: View) -> tuple[InstanceRow, ...]:
     """The rows of instances.json, by id."""
-    reasons = unseen_reasons(scene.snapshot, grouping, seen)
-    return tuple(_entry(grouping, seen, i, reasons.get(i.id)) for i in grouping.instances)
+    reasons = unseen_reasons(scene.snapshot, grouping, view)
+    return tuple(_entry(grouping, view, i, reasons.get(i.id)) for i in grouping.instances)
 
 
-def _entry(grouping: Grouping, seen: View, instance: Instance, reason: str | None) -> InstanceRow:
+def _entry(grouping: Grouping, view: View, instance: Instance, reason: str | None) -> InstanceRow:
     category = instance.category
     return InstanceRow(
         id=instance.id,
@@ -248,9 +250,9 @@ def _entry(grouping: Grouping, seen: View, instance: Instance, reason: str | Non
         category=category.name if category else None,
         category_id=category.id if category and category.id >= 0 else None,
         labelled=category is not None,
-        area_px=int(seen.area_px[instance.id]),
-        bbox_xywh_px=bbox_xywh_px(seen, instance.id),
-        nested_in=grouping.nested.get(instance.id),
+        area_px=int(view.area_px[instance.id]),
+        bbox_xywh_px=bbox_xywh_px(view, instance.id),
+        nested_in=grouping.enclosing_instance.get(instance.id),
         reason=reason,
     )
 

@@ -42,7 +42,7 @@ def read_probe(
     surface: VisibleSurface,
     hfov_deg: float,
     probe: Probe,
-    opened: OpenedScene,
+    scene: OpenedScene,
     rules: BenchRules,
     run: Path,
     threads: int,
@@ -64,8 +64,8 @@ def read_probe(
     write_npz(run / name, arrays)
     file = ProbedFile(
         **field_values(describe_file(run, name)),
-        render=_second_render(row, snapshot, hfov_deg, probe, opened, rules, run, threads),
-        surface_differs=_disagreement(snapshot, surface, opened, rules, threads),
+        render=_second_render(row, snapshot, hfov_deg, probe, scene, rules, run, threads),
+        surface_differs=_disagreement(snapshot, surface, scene, rules, threads),
         unreadable_alpha=sum(text.endswith(TAKEN_AS_OPAQUE) for text in snapshot.warnings),
     )
     return with_fields(row, probe=file)
@@ -76,7 +76,7 @@ def _second_render(
     snapshot: Snapshot,
     hfov_deg: float,
     probe: Probe,
-    opened: OpenedScene,
+    scene: OpenedScene,
     rules: BenchRules,
     run: Path,
     threads: int,
@@ -89,13 +89,13 @@ def _second_render(
         card_render(rules.card, size_wh, rules.card.seed, threads),
         stand=second_stand(snapshot, probe.view, hfov_deg),
     )
-    return write_render(run, f"probe/{row.scene}.png", opened.render(wanted), size_wh, rules.card)
+    return write_render(run, f"probe/{row.scene}.png", scene.render(wanted), size_wh, rules.card)
 
 
 def _disagreement(
     snapshot: Snapshot,
     surface: VisibleSurface,
-    opened: OpenedScene,
+    scene: OpenedScene,
     rules: BenchRules,
     threads: int,
 ) -> float | None:
@@ -103,8 +103,8 @@ def _disagreement(
     if rules.card is None or snapshot.camera.type != "PERSP":
         return None
     wanted = card_render(rules.card, surface.raster_wh, rules.card.seed, threads)
-    met = opened.met(wanted, snapshot)
-    depth, shown = surface.depth_z_m, surface.shown
+    met = scene.first_hits(wanted, snapshot)
+    depth, shown = surface.depth_z_m, surface.surface_index
     if surface.own_depth_z_m is not None and surface.own_shown is not None:
         depth, shown = surface.own_depth_z_m, surface.own_shown
     occurrence = snapshot.occurrence_object[snapshot.surface_occurrence]

@@ -62,7 +62,7 @@ def read_submission(
         )
         if rules.card is not None:
             row = read_render(row, opened, rules.card, rules, options.run, options.threads)
-        if rules.probed and image.probe is not None:
+        if rules.has_probes and image.probe is not None:
             row = read_probe(
                 row,
                 scene.snapshot,

@@ -296,7 +296,7 @@ def _read_all(
     else:
         started = [request.started] if request.started is not None else []
         make = partial(SceneReader, options, request.limits, started, notice)
-    job = Job(make=make, lost=lost_records)
+    job = Job(make=make, lost_result=lost_records)
     with closing(ENGINES[request.engine](job, todo, workers)) as answers:
         for answer in answers:
             for number, record in answer:

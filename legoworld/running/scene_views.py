@@ -15,7 +15,7 @@ class SceneViews:
 
     def __init__(self, normals: Variant | None = None) -> None:
         self._normals: Variant | None = normals
-        self._drawn: list[tuple[Grouping, View]] = []
+        self._drawn_views: list[tuple[Grouping, View]] = []
 
     def view(
         self,
@@ -32,13 +32,13 @@ class SceneViews:
         does not depend on it. Vocabularies that give every surface the same instance share a view:
         ties are broken by the instance's number.
         """
-        for other, drawn in self._drawn:
+        for other, drawn in self._drawn_views:
             if drawn.size_wh == size_wh and (not exact or _same_instances(other, grouping)):
                 return drawn
         drawn = view(
             snapshot, grouping, size_wh, exact=exact, normals=self._normals, threads=threads
         )
-        self._drawn.append((grouping, drawn))
+        self._drawn_views.append((grouping, drawn))
         return drawn
 
 

@@ -27,17 +27,17 @@ class HashedScene:
     def __init__(self, scene: str, options: ImageOptions) -> None:
         self._scene = scene
         self._options = options
-        self._hashed = _Once(self._hash)
+        self._hashes = _Once(self._hash)
 
     @property
     def folder(self) -> SceneFolder:
         """The folder. Raises as `check_scene` does, each time."""
-        return self._hashed.value()[0]
+        return self._hashes.value()[0]
 
     @property
     def files(self) -> FrozenFiles:
         """Its files as they were hashed. Raises as `check_scene` does, each time."""
-        return self._hashed.value()[1]
+        return self._hashes.value()[1]
 
     def _hash(self) -> tuple[SceneFolder, FrozenFiles]:
         scenes = self._options.scenes
@@ -89,22 +89,22 @@ class _Once(Generic[T]):
 
     def __init__(self, make: Callable[[], T]) -> None:
         self._make = make
-        self._made: list[T] = []
+        self._values: list[T] = []
         self._error: Exception | None = None
         self._tries = 0
 
     def value(self, attempts: int = 1) -> T:
         """The value. attempts: how often in all it is tried while a Blender process is lost."""
-        while not self._made and self._may_try(attempts):
+        while not self._values and self._may_try(attempts):
             self._tries += 1
             try:
-                self._made.append(self._make())
+                self._values.append(self._make())
             except Exception as error:  # noqa: BLE001  raised below, each time
                 self._error = error
-        if not self._made:
+        if not self._values:
             assert self._error is not None
             raise self._error
-        return self._made[0]
+        return self._values[0]
 
     def _may_try(self, attempts: int) -> bool:
         return self._tries == 0 or (isinstance(self._error, LOST) and self._tries < attempts)

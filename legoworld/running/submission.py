@@ -61,8 +61,8 @@ class BenchRules:
     """What a submission is read by.
 
     card: None without a render; noise: render two seeds; facts: look for what may be a picture;
-    probed: whether images have private probes; disagreement: share of depth that Cycles' surface
-    may be off the kernel's.
+    has_probes: whether images have private probes; disagreement: share of depth that Cycles'
+    surface may be off the kernel's.
     """
 
     card: RenderCard | None
@@ -72,7 +72,7 @@ class BenchRules:
     plane_min_share: float
     thumbnail_wh: tuple[int, int]
     facts: bool = True
-    probed: bool = False
+    has_probes: bool = False
     disagreement: float = 0.0
 
     def to_record(self) -> BenchReading:
@@ -91,7 +91,7 @@ def bench_rules(card: Card, *, render: bool, noise: bool, facts: bool = True) ->
         plane_min_share=card.value("integrity.plane_min_share"),
         thumbnail_wh=(width, height),
         facts=facts,
-        probed="x" in card.values,
+        has_probes="x" in card.values,
         disagreement=card.value("scoring.tolerance"),
     )
 
@@ -167,7 +167,7 @@ def read_surface(
     row: RunRow,
     snapshot: Snapshot,
     hfov_deg: float,
-    opened: OpenedScene,
+    scene: OpenedScene,
     rules: BenchRules,
     run: Path,
     threads: int,
@@ -184,7 +184,7 @@ def read_surface(
     if not rules.facts:
         write_surface(run / name, surface)
         return replace(row, surface=_surface_entry(run, name, surface)), surface
-    facts = opened.facts(rules.thumbnail_wh)
+    facts = scene.facts(rules.thumbnail_wh)
     planes, plane = facing_planes(
         snapshot, surface, max_tilt_deg=rules.plane_max_tilt_deg, min_share=rules.plane_min_share
     )
@@ -199,7 +199,7 @@ def read_surface(
         )
         for p in planes
     ]
-    joints, warnings = scene_joints(opened.folder, snapshot, facts.values["joints"])
+    joints, warnings = scene_joints(scene.folder, snapshot, facts.values["joints"])
     made = replace(
         row,
         surface=_surface_entry(run, name, surface),
@@ -242,13 +242,13 @@ def card_size(size_wh: tuple[int, int], longest_side_px: int) -> tuple[int, int]
 
 
 def read_render(
-    row: RunRow, opened: OpenedScene, card: RenderCard, rules: BenchRules, run: Path, threads: int
+    row: RunRow, scene: OpenedScene, card: RenderCard, rules: BenchRules, run: Path, threads: int
 ) -> RunRow:
     """Write the render; the row with it. Raises the verdicts of a Blender process."""
     assert row.size_wh is not None
     size_wh = card_size(row.size_wh, card.longest_side_px)
     seeds = (card.seed, card.seed + 1)[: 2 if rules.noise else 1]
-    pictures = [opened.render(card_render(card, size_wh, seed, threads)) for seed in seeds]
+    pictures = [scene.render(card_render(card, size_wh, seed, threads)) for seed in seeds]
     file = write_render(run, render_file(row.scene), pictures[0], size_wh, card)
     noise = _noise(pictures, card, rules.delta) if rules.noise else None
     return replace(row, render=replace(file, noise=noise))
@@ -296,7 +296,7 @@ def describe_file(run: Path, name: str) -> WrittenFile:
 
 
 def field_values(record: WrittenFile) -> dict[str, Any]:
-    """A record's fields, to make a larger one of."""
+    """A record's fields, as arguments of a record that extends it."""
     return {name: getattr(record, name) for name in record.__struct_fields__}
 
 
@@ -322,7 +322,7 @@ def _rules(card: Card, track: Track, source: str, given: Mapping[str, bool]) -> 
     _refuse_what_a_bench_lacks(track, source)
     render, noise = given.get("render", True), given.get("render_noise", False)
     rules = bench_rules(card, render=render, noise=noise)
-    if rules.probed and any(image.probe is None for image in track.images):
+    if rules.has_probes and any(image.probe is None for image in track.images):
         raise UsageError(
             "the track has no private probes",
             found="a public track",

@@ -69,7 +69,7 @@ def read_arrays(path: Path, *, passing: bool = False) -> dict[str, NDArray[Any]]
     """
     content = path.read_bytes()
     if not content.startswith(_FORMAT):
-        raise ValueError("it is of another format")
+        raise ValueError("it is not a legoworld array file")
     checked = memoryview(content)[_CHECKED_FROM:]
     expected = _UNCHECKED if passing else _checksum_line(zlib.crc32(checked))
     if content[len(_FORMAT) : _CHECKED_FROM] != expected:

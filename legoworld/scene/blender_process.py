@@ -51,7 +51,7 @@ class BlenderProcess:
         self._process: ChildProcess | None = None
         self._home: ScratchFolder | None = None
         self._workspaces: dict[tuple[str, Path | None], ScratchFolder] = {}
-        self._served = 0
+        self._n_requests = 0
         self._aborted = self._interrupted = False
         #: Held to start and to abort: an abort comes before a process is made, or finds it.
         self._owning = threading.Lock()
@@ -78,7 +78,7 @@ class BlenderProcess:
             raise self._crash_error()
         self._interrupted = False
         self._recycle()
-        used = self._served > 0
+        used = self._n_requests > 0
         try:
             return self._ask(message)
         except (WorkerCrashedError, WorkerTimeoutError, WorkerMemoryError) as error:
@@ -140,7 +140,7 @@ class BlenderProcess:
                 cwd=empty,
                 kept=(self._home.owner_fd,),
             )
-        self._served = 0
+        self._n_requests = 0
         return self._process
 
     def _drop(self) -> None:
@@ -163,7 +163,7 @@ class BlenderProcess:
         except LegoWorldError:
             process.end()  # it cannot be used any more; its log is kept for the message
             raise
-        self._served += 1
+        self._n_requests += 1
         answer: dict[str, Any] = json.loads(line)
         if answer.pop("ok"):
             return answer
@@ -231,7 +231,7 @@ class BlenderProcess:
         if self._process is None:
             return
         grown = resident_bytes(self._process.pid) > _RECYCLE_SHARE * self._limits.memory_bytes
-        if self._served >= _RECYCLE_AFTER or grown or self._has_ended():
+        if self._n_requests >= _RECYCLE_AFTER or grown or self._has_ended():
             self._drop()
 
 

@@ -53,10 +53,10 @@ class SnapshotCache:
             return None
 
     def put_dependencies(
-        self, scene_file_sha256: str, files: list[str], watched: list[str]
+        self, scene_file_sha256: str, files: list[str], folders: list[str]
     ) -> None:
         """Remember what a scene file reads: files, and folders with whatever is in them."""
-        text = canonical_json({"files": files, "watched": watched})
+        text = canonical_json({"files": files, "watched": folders})
         write_text(self._entry(scene_file_key(scene_file_sha256), ".json"), text)
 
     def snapshot_path(
@@ -91,9 +91,9 @@ class SnapshotCache:
         return Path(f"{self.folder}/{key[:2]}/{key[2:]}{suffix}")  # joined once, for every image
 
 
-def files_in(scene: Path, watched: Iterable[str]) -> set[str]:
+def files_in(scene: Path, folders: Iterable[str]) -> set[str]:
     """The files that are in folders now, named like these: relative to the scene, or absolute."""
-    there = {name: scene / name for name in watched if (scene / name).is_dir()}
+    there = {name: scene / name for name in folders if (scene / name).is_dir()}
     return {
         os.path.normpath(Path(name, path.relative_to(folder)))
         for name, folder in there.items()
@@ -127,7 +127,7 @@ def unwritable(folder: Path, why: str) -> CacheFolderError:
 
 
 def why_unwritable(folder: Path) -> str:
-    """Why nothing can be kept in a cache folder, which is made; "" where it can."""
+    """Create a cache folder. Returns why it cannot be written, or ""."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

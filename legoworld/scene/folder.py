@@ -44,9 +44,9 @@ class SceneFolder:
 
     def file(self, name: str) -> Path:
         """The path of one of the folder's files, there or not."""
-        return self.path / self.spelled(name)
+        return self.path / self.name_on_disk(name)
 
-    def spelled(self, name: str) -> str:
+    def name_on_disk(self, name: str) -> str:
         """The name that scene.blend or scene.glb has on disk."""
         return self.lone if self.lone is not None and name == self._stands_for() else name
 
@@ -56,7 +56,7 @@ class SceneFolder:
     @property
     def simulations(self) -> str:
         """Where Blender looks for baked simulations of the .blend, whether it has any or not."""
-        return f"blendcache_{Path(self.spelled(BLEND)).stem}"
+        return f"blendcache_{Path(self.name_on_disk(BLEND)).stem}"
 
     def artefacts(self) -> tuple[str, ...]:
         """The artefacts that are there, in a fixed order; URDF files last, by name."""

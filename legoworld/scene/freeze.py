@@ -91,7 +91,7 @@ def hash_files(folder: Path, names: Iterable[str]) -> dict[str, FileHash | None]
 
 def hash_artefacts(scene: SceneFolder) -> dict[str, FileHash | None]:
     """The content of a scene's artefacts. Raises as `hash_files` does."""
-    return {n: _file_hash(scene.path, scene.spelled(n)) for n in sorted(scene.artefacts())}
+    return {n: _file_hash(scene.path, scene.name_on_disk(n)) for n in sorted(scene.artefacts())}
 
 
 def _file_hash(folder: Path, name: str) -> FileHash | None:
@@ -103,7 +103,7 @@ def _file_hash(folder: Path, name: str) -> FileHash | None:
             status = os.fstat(stream.fileno())
             size = status.st_size
             if size > LARGEST_BYTES:
-                raise _unusable(name, f"{size:,} bytes, and {LARGEST_BYTES:,} are the most")
+                raise _unusable(name, f"{size:,} bytes, limit {LARGEST_BYTES:,}")
             settled = time.time_ns() - max(status.st_ctime_ns, status.st_mtime_ns) > _SETTLED_NS
             return FileHash(
                 sha256=hashlib.file_digest(stream, "sha256").hexdigest(),

@@ -39,14 +39,14 @@ class Grouping:
     """All instances of a scene under one vocabulary.
 
     surface_instance: (S,) int32, the instance of each surface of the snapshot.
-    nested: instance id -> id of the labelled instance it was cut out of.
+    enclosing_instance: instance id -> id of the labelled instance it was cut out of.
     outside_vocabulary: label texts the vocabulary lacks, with how many owners carry each.
     unseen_owners: labelled owners without any surface: (name, label text).
     """
 
     instances: tuple[Instance, ...]
     surface_instance: NDArray[np.int32]
-    nested: dict[int, int]
+    enclosing_instance: dict[int, int]
     outside_vocabulary: dict[str, int]
     unseen_owners: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...]
@@ -105,11 +105,11 @@ class _Resolver:
             )
             for i, (key, label) in enumerate(owners)
         )
-        nested = self._find_nested(ids, owners)
+        enclosing = self._find_nested(ids, owners)
         return Grouping(
             instances=instances,
             surface_instance=surface_instance,
-            nested=nested,
+            enclosing_instance=enclosing,
             outside_vocabulary=self._outside_vocabulary(),
             unseen_owners=self._unseen_owners(owners),
             warnings=self._warnings(),
@@ -216,12 +216,12 @@ class _Resolver:
 
     def _find_nested(self, ids: Mapping[_Key, int], owners: list[_Owner]) -> dict[int, int]:
         """Labelled instances that are cut out of another labelled one, with that one's id."""
-        nested = {}
+        enclosing = {}
         for key, label in owners:
             outer = self._owner_outside(key) if label else None
             if outer is not None and outer[0] in ids:
-                nested[ids[key]] = ids[outer[0]]
-        return nested
+                enclosing[ids[key]] = ids[outer[0]]
+        return enclosing
 
     def _owner_outside(self, key: _Key) -> _Owner | None:
         kind, index, level, frame = key

@@ -55,7 +55,7 @@ class SceneFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Met:
+class FirstHits:
     """Surfaces at the pixels of a render: (H, W) depth_z_m float32, +inf for none, object int32.
 
     place: of each of the snapshot's objects, its value in `object`.
@@ -84,20 +84,20 @@ class OpenedScene:
         content: Mapping[str, Json] | None = None,
     ) -> None:
         self.folder = folder
-        self._blend = str(folder.path.resolve() / folder.spelled(BLEND))
+        self._blend = str(folder.path.resolve() / folder.name_on_disk(BLEND))
         hashes = {**files.dependencies, BLEND: files.artefacts.get(BLEND)}
         own = {name: found.sha256 if found else None for name, found in hashes.items()}
         self._content = own if content is None else content
         self._blender = blender
         self._cache = cache
 
-    def render(self, wanted: CardRender) -> bytes:
+    def render(self, request: CardRender) -> bytes:
         """The active camera's picture: an 8-bit RGB PNG without metadata.
 
         Raises the verdicts of `errors`.
         """
-        card = card_request(wanted)
-        stored = self._entry("render", _question(wanted), ".png")
+        card = card_request(request)
+        stored = self._entry("render", _question(request), ".png")
         if stored is not None and stored.is_file():
             return stored.read_bytes()
         output = self._blender.workspace("legoworld-render-") / "render.png"
@@ -109,10 +109,10 @@ class OpenedScene:
                 temporary.write_bytes(png)
         return png
 
-    def met(self, wanted: CardRender, snapshot: Snapshot) -> Met:
+    def first_hits(self, request: CardRender, snapshot: Snapshot) -> FirstHits:
         """What Cycles meets in the first sample of that render, in metres; see `card_depth`."""
-        card = card_request(wanted)
-        path = self._entry("depth", {**_question(wanted), "version": _DEPTH}, ".npz")
+        card = card_request(request)
+        path = self._entry("depth", {**_question(request), "version": _DEPTH}, ".npz")
         if path is None or not path.is_file():
             output = self._blender.workspace("legoworld-render-") / "depth.npz"
             self._ask({"kind": "card_depth", "output": str(output), "card": card})
@@ -124,7 +124,7 @@ class OpenedScene:
         with np.load(path) as arrays:
             names = json.loads(arrays["object_names"].tobytes())
             place = {(name, library): n % MOST_OBJECTS for n, (name, library) in enumerate(names)}
-            return Met(
+            return FirstHits(
                 depth_z_m=arrays["depth_z"] * np.float32(snapshot.render.unit_scale),
                 object=arrays["object"],
                 place=np.array(
@@ -162,14 +162,14 @@ class OpenedScene:
         return retry_once(lambda: self._blender.request({**message, "blend": self._blend}))
 
 
-def card_request(wanted: CardRender) -> CardRequest:
+def card_request(request: CardRender) -> CardRequest:
     """A card as the Blender process is given it."""
-    return cast("CardRequest", {k: v for k, v in vars(wanted).items() if v is not None})
+    return cast("CardRequest", {k: v for k, v in vars(request).items() if v is not None})
 
 
-def _question(wanted: CardRender) -> dict[str, Json]:
+def _question(request: CardRender) -> dict[str, Json]:
     """What of a card an answer depends on."""
-    return cast("dict[str, Json]", card_request(replace(wanted, threads=0)))
+    return cast("dict[str, Json]", card_request(replace(request, threads=0)))
 
 
 def retry_once(ask: Callable[[], T]) -> T:

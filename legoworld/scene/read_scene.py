@@ -38,13 +38,13 @@ class ReadScene:
 class _NewSnapshot:
     """A snapshot that was just made: in memory, or the file that Blender wrote.
 
-    names: the files that the scene file reads; watched: folders in which more may appear.
+    names: the files that the scene file reads; folders: in which more may appear.
     """
 
     snapshot: Snapshot | Path
     files: FrozenFiles
     names: list[str]
-    watched: list[str]
+    folders: list[str]
 
 
 def check_scene(
@@ -132,7 +132,7 @@ def _missing_error(name: str, files: FrozenFiles) -> SceneInvalidError:
 def _load_cached(
     scene: SceneFolder,
     name: str,
-    hashed: FileHash,
+    file_hash: FileHash,
     cache: SnapshotCache,
     files: FrozenFiles,
     *,
@@ -142,14 +142,16 @@ def _load_cached(
 
     A damaged entry is made again, like one that is not there.
     """
-    names = cache.dependencies(hashed.sha256, scene.path)
+    names = cache.dependencies(file_hash.sha256, scene.path)
     if names is None:
         return None
     # The same content may have been read under another name, beside another folder of simulations.
     names = sorted({*names, *files_in(scene.path, [scene.simulations])})
     known = hashed_dependencies(scene, names, files, read_by=name)
     try:
-        path = cache.snapshot_path(hashed.sha256, known.dependencies, corner_normals=corner_normals)
+        path = cache.snapshot_path(
+            file_hash.sha256, known.dependencies, corner_normals=corner_normals
+        )
         snapshot, content = load(path)
     except SceneInvalidError:
         return None
@@ -158,7 +160,7 @@ def _load_cached(
 
 def _from_blend(
     scene: SceneFolder,
-    hashed: FileHash,
+    file_hash: FileHash,
     files: FrozenFiles,
     cache: SnapshotCache | None,
     blender: BlenderProcess,
@@ -178,7 +180,7 @@ def _from_blend(
         {
             "kind": "snapshot",
             # The folder is resolved and the file is not: what it links lies beside the name.
-            "blend": str(scene.path.resolve() / scene.spelled(BLEND)),
+            "blend": str(scene.path.resolve() / scene.name_on_disk(BLEND)),
             "output": str(output),
             "passing": cache is None,
             "any_camera": any_camera,
@@ -188,14 +190,14 @@ def _from_blend(
     names = answer["dependencies"]
     known = hashed_dependencies(scene, names, files, read_by=BLEND)
     # The file may have been replaced meanwhile: what was hashed must be what was read.
-    if not is_still(scene.path, scene.spelled(BLEND), hashed):
+    if not is_still(scene.path, scene.name_on_disk(BLEND), file_hash):
         raise _changed_error(scene, BLEND)
-    return _NewSnapshot(snapshot=output, files=known, names=names, watched=answer["watched"])
+    return _NewSnapshot(snapshot=output, files=known, names=names, folders=answer["watched"])
 
 
 def _from_glb(
     scene: SceneFolder,
-    hashed: FileHash,
+    file_hash: FileHash,
     files: FrozenFiles,
     *,
     any_camera: bool,
@@ -207,7 +209,7 @@ def _from_glb(
     from legoworld.scene.gltf.snapshot import read_glb_snapshot
 
     data = scene.file(GLB).read_bytes()
-    if hashlib.sha256(data).hexdigest() != hashed.sha256:
+    if hashlib.sha256(data).hexdigest() != file_hash.sha256:
         raise _changed_error(scene, GLB)
     parsed = parse_glb(data)
     names = external_files(parsed.document, scene.path)
@@ -218,28 +220,28 @@ def _from_glb(
     # A file beside it may have been replaced meanwhile: what was hashed must be what was read.
     if hash_files(scene.path, names) != known.dependencies:
         raise _changed_error(scene, GLB)
-    return _NewSnapshot(snapshot=snapshot, files=known, names=names, watched=[])
+    return _NewSnapshot(snapshot=snapshot, files=known, names=names, folders=[])
 
 
-def _load_uncached(made: _NewSnapshot) -> tuple[Snapshot, str]:
+def _load_uncached(new: _NewSnapshot) -> tuple[Snapshot, str]:
     """A snapshot that is not kept, and its content hash."""
-    if isinstance(made.snapshot, Path):
-        return load(made.snapshot, passing=True)
-    return made.snapshot, made.snapshot.content_sha256()
+    if isinstance(new.snapshot, Path):
+        return load(new.snapshot, passing=True)
+    return new.snapshot, new.snapshot.content_sha256()
 
 
 def _store_in_cache(
-    made: _NewSnapshot, hashed: FileHash, cache: SnapshotCache, stored: Path
+    new: _NewSnapshot, file_hash: FileHash, cache: SnapshotCache, stored: Path
 ) -> tuple[Snapshot, str]:
     """A snapshot that is put into the cache, and its content hash."""
     with cache.translate_write_errors():
-        if isinstance(made.snapshot, Path):
+        if isinstance(new.snapshot, Path):
             stored.parent.mkdir(parents=True, exist_ok=True)
-            made.snapshot.replace(stored)
+            new.snapshot.replace(stored)
             kept = load(stored)
         else:
-            kept = made.snapshot, save(made.snapshot, stored)
-        cache.put_dependencies(hashed.sha256, made.names, made.watched)
+            kept = new.snapshot, save(new.snapshot, stored)
+        cache.put_dependencies(file_hash.sha256, new.names, new.folders)
     return kept
 
 

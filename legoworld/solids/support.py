@@ -26,7 +26,7 @@ _MOST_HITS: Final = 4_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rest:
+class RestContact:
     """Support of an entity. gap_m: to the surface below; negative if it penetrates.
 
     balanced: whether its centre of mass is above the convex hull of its contact, to 1/64 of its
@@ -48,7 +48,7 @@ class Rest:
         return float(cv2.pointPolygonTest(hull, (0.0, 0.0), measureDist=True))
 
 
-def rest_on(own: Triangles, below: Triangles) -> Rest | None:
+def rest_on(own: Triangles, below: Triangles) -> RestContact | None:
     """How an entity's triangles rest on others, (T, 3, 3); None where nothing is below it.
 
     On each vertical line the highest surface that is not above the entity counts: what pokes
@@ -72,7 +72,7 @@ def rest_on(own: Triangles, below: Triangles) -> Rest | None:
     half = np.ptp(own[:, :, :2].reshape(-1, 2), axis=0) / (2 * _LINES)
     centre = centre_of_mass(own)[:2]
     balanced = _above(centre, contact, half)
-    return Rest(gap_m=least, balanced=balanced, contact=contact, centre=centre)
+    return RestContact(gap_m=least, balanced=balanced, contact=contact, centre=centre)
 
 
 def centre_of_mass(triangles: Triangles) -> Points:

@@ -40,17 +40,19 @@ def latex(table: Table) -> str:
 
 
 def comma_separated(table: Table) -> str:
-    """CSV with a header line: numbers unrounded, undefined ones empty; notes are not in it.
+    """CSV with a header: numbers unrounded, undefined ones empty, without notes.
 
-    An interval has columns of its own, which the table must bring.
+    Intervals are written only where the table has columns for them.
     """
     stream = io.StringIO()
-    rows = [[csv_cell(_unrounded(cell)) for cell in row] for row in (table.header, *table.rows)]
+    rows = [
+        [csv_cell(_full_precision(cell)) for cell in row] for row in (table.header, *table.rows)
+    ]
     csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 
-def _unrounded(cell: Cell) -> str:
+def _full_precision(cell: Cell) -> str:
     if not isinstance(cell, Number):
         return str(cell)
     return "" if cell.value is None else repr(cell.value)

@@ -56,7 +56,7 @@ def _body(table: Table) -> str:
 
 
 def _cell(cell: Cell, column: Column, number: bool, *, first: bool) -> str:
-    stacked = isinstance(cell, Number) and bool(cell.spread or cell.below)
+    stacked = isinstance(cell, Number) and bool(cell.interval_text or cell.below)
     kind = "stack" if stacked else "n" if number else "over" if column.group else ""
     about = f' class="{kind}"' if kind else ""
     if column.key:
@@ -66,8 +66,8 @@ def _cell(cell: Cell, column: Column, number: bool, *, first: bool) -> str:
         text = f"<b>{text}</b>"
     if isinstance(cell, Text) and cell.link:
         text = f'<a href="{escape(cell.link)}">{text}</a>'
-    if isinstance(cell, Number) and cell.spread:
-        text += f"<br>{escape(cell.spread)}"
+    if isinstance(cell, Number) and cell.interval_text:
+        text += f"<br>{escape(cell.interval_text)}"
     if isinstance(cell, Number | Text) and cell.below:
         text += f'<br><span class="over">{escape(cell.below)}</span>'
     return f'<th scope="row"{about}>{text}</th>' if first else f"<td{about}>{text}</td>"

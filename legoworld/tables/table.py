@@ -22,12 +22,12 @@ class Number(Struct, frozen=True, kw_only=True, tag=True):
     below: str = ""
 
     @property
-    def alone(self) -> Number:
+    def without_interval(self) -> Number:
         """The value without its interval."""
         return Number(value=self.value, digits=self.digits, signed=self.signed)
 
     @property
-    def spread(self) -> str:
+    def interval_text(self) -> str:
         """The interval, or the standard deviation; empty without either."""
         if self.ends:
             low, high = map(self._spelt, self.ends)
@@ -49,7 +49,7 @@ class Spread(Struct, frozen=True, kw_only=True, tag=True):
 
     def __str__(self) -> str:
         """The interval or standard deviation, "-" for none."""
-        return self.of.spread or "-"
+        return self.of.interval_text or "-"
 
 
 class Count(Struct, frozen=True, kw_only=True, tag=True):
@@ -131,12 +131,12 @@ def table(
 
 def line(cell: Cell) -> str:
     """A cell in one line: "0.2500 [0.1250, 0.5000]", "0.5000 (sd 0.0625)", "3 of 7"."""
-    if not isinstance(cell, Number) or cell.value is None or not cell.spread:
+    if not isinstance(cell, Number) or cell.value is None or not cell.interval_text:
         return str(cell)
-    return f"{cell} {cell.spread}" if cell.ends else f"{cell} ({cell.spread})"
+    return f"{cell} {cell.interval_text}" if cell.ends else f"{cell} ({cell.interval_text})"
 
 
 def _aligns_right(cell: Cell) -> bool:
     if isinstance(cell, Number):
-        return not cell.spread
+        return not cell.interval_text
     return not isinstance(cell, str | Text) or cell in ("", "-")

@@ -28,8 +28,8 @@ def terminal(table: Table, *, stacked: bool = False) -> str:
         room = WIDTH - sum(_widths(header, rows)[1:]) - 2 * (len(header) - 1)
         for row, (first, *_) in zip(rows, table.rows, strict=True):
             if isinstance(first, Text) and first.below:
-                row[0] += filled("  ", name_on_line(first.below), width=room)
-    rows = _narrowed(header, rows)
+                row[0] += wrap_parts("  ", name_on_line(first.below), width=room)
+    rows = _narrow_rows(header, rows)
     widths = _widths(header, rows)
 
     def text(cells: Sequence[str]) -> str:
@@ -46,7 +46,7 @@ def terminal(table: Table, *, stacked: bool = False) -> str:
 
 def _lines(cell: Cell, *, stacked: bool) -> list[str]:
     if stacked and isinstance(cell, Number):
-        return [str(cell), *filter(None, [cell.spread])]
+        return [str(cell), *filter(None, [cell.interval_text])]
     return [name_on_line(line(cell))]
 
 
@@ -57,7 +57,7 @@ def _widths(header: Sequence[str], rows: Sequence[Lines]) -> list[int]:
     ]
 
 
-def _narrowed(header: Sequence[str], rows: Sequence[Lines]) -> list[Lines]:
+def _narrow_rows(header: Sequence[str], rows: Sequence[Lines]) -> list[Lines]:
     """The rows with their widest column broken into more lines where the table is too wide."""
     widths = _widths(header, rows)
     beyond = sum(widths) + 2 * (len(widths) - 1) - WIDTH
@@ -79,7 +79,7 @@ def _narrowed(header: Sequence[str], rows: Sequence[Lines]) -> list[Lines]:
     ]
 
 
-def filled(start: str, text: str, *, width: int = WIDTH) -> list[str]:
+def wrap_parts(start: str, text: str, *, width: int = WIDTH) -> list[str]:
     """Comma-separated parts, filled into lines; a part too long for a line is wrapped by word."""
     lines = [start]
     *parts, last = text.split(", ")

@@ -74,7 +74,7 @@ def write_track(
         images = _draw_sample(images, sample, seed, source.name)
     if chosen is not None:
         images = _select_images(images, chosen, source.name)
-    selected = _Selected(sample=sample, seed=seed, listed=chosen is not None)
+    selected = _Selection(sample=sample, seed=seed, by_name=chosen is not None)
     return _write(task, source, images, selected, output, notice)
 
 
@@ -111,7 +111,7 @@ def make_tracks(
         images = [of[photo] for of in listed.values() for photo in photos if photo in of]
         wanted = {photo_scene_name(image) for image in _select_images(images, chosen, name)}
         photos = [photo for photo in photos if photo in wanted]
-    selected = _Selected(sample=sample, seed=seed, listed=chosen is not None)
+    selected = _Selection(sample=sample, seed=seed, by_name=chosen is not None)
     output.mkdir(parents=True, exist_ok=True)
     tracks = {}
     for task, source in sources.items():
@@ -138,19 +138,19 @@ def _list_photos(listed: Sequence[Mapping[str, ImageInfo]], name: str, *, every:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Selected:
-    """How a track's images were selected. listed: by names."""
+class _Selection:
+    """How a track's images were selected. by_name: from a list of names."""
 
     sample: int | None
     seed: int
-    listed: bool
+    by_name: bool
 
 
 def _write(
     task: str,
     source: Source,
     images: Sequence[ImageInfo],
-    selected: _Selected,
+    selection: _Selection,
     output: Path,
     notice: Callable[[str], None],
 ) -> MadeTrack:
@@ -161,9 +161,9 @@ def _write(
         source=source.name,
         source_sha256=source.sha256,
         source_images=len(source.images),
-        sample=selected.sample,
-        seed=None if selected.sample is None else selected.seed,
-        chosen=selected.listed,
+        sample=selection.sample,
+        seed=None if selection.sample is None else selection.seed,
+        chosen=selection.by_name,
         **asdict(source.part),
     )
     ids = {image.id for image in images}
@@ -175,7 +175,7 @@ def _write(
     )
     with atomic_path(output) as unfinished:
         unfinished.write_text(_readable(document), encoding="utf-8")
-        load_track(unfinished, called=f"of {source.name}")  # the same checks as in every later step
+        load_track(unfinished, name=f"of {source.name}")  # the same checks as in every later step
     for text in source.notices:
         notice(text)
     return document

@@ -25,7 +25,7 @@ def _source(task: str, path: Path, options: Mapping[str, Any]) -> Source:
         if size is None:
             if photos is None:
                 raise UsageError(
-                    "statements do not say how large their photos are",
+                    "statements do not give the sizes of their photos",
                     found=path.name,
                     expected="--photos PHOTOS, the folder of the photos",
                 )

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Final
 
+from legoworld.pluralize import nearest_names
+
 #: An extension of a photo, left on a scene folder's name.
 _EXTENSION: Final = re.compile(r"\.(jpe?g|png|webp|bmp|tiff?|blend|glb|py)$")
 #: Common additions to a photo's name.
@@ -53,9 +55,7 @@ def _meant(folder: str, by_key: Mapping[str, list[str]], absent: Sequence[str]) 
         names = set(by_key.get(key, ()))
         if len(names) == 1:
             return names.pop()
-    import difflib  # only needed for a message
-
-    near = difflib.get_close_matches(folder, absent, n=2, cutoff=0.8)
+    near = nearest_names(folder, absent, 2, cutoff=0.8)
     digits = folder.isdigit()  # names with different numbers are different photos, however similar
     return near[0] if len(near) == 1 and not digits else None
 

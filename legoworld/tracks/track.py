@@ -57,12 +57,12 @@ class Track:
     questions: tuple[Question, ...] = ()
 
 
-def load_track(path: Path, called: str | None = None) -> Track:
+def load_track(path: Path, name: str | None = None) -> Track:
     """Read a track file (COCO "image info" JSON). Raises CatalogError for an unusable file.
 
-    called: the name to use in messages instead of the file's own.
+    name: the name to use in messages instead of the file's own.
     """
-    source = called or str(path)
+    source = name or str(path)
     try:
         file = decode(TrackFile, path.read_bytes())
     except (OSError, RecordError) as error:

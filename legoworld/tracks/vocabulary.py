@@ -10,6 +10,7 @@ from typing import Final
 
 from legoworld.errors import CatalogError
 from legoworld.files import Json, canonical_json, sha256_of_text
+from legoworld.pluralize import nearest_names
 from legoworld.records.base import UNSET, RecordError, find_repeated, read_json, to_record
 from legoworld.records.track import CategoryInfo
 from legoworld.shipped import catalog
@@ -73,10 +74,8 @@ class Vocabulary:
         """The names most similar to `text`, for messages; meanings of a bare word come first."""
         key = normal_name(text), n
         if key not in self._near:  # a batch repeats the same labels in many scenes
-            import difflib  # only needed for a message
-
             spellings = self._by_bare_word | self._by_name
-            close = difflib.get_close_matches(key[0], list(spellings), n=n, cutoff=0.6)
+            close = nearest_names(key[0], spellings, n)
             names = [*self.candidates(text), *(spellings[name].name for name in close)]
             self._near[key] = list(dict.fromkeys(names))[:n]
         return list(self._near[key])

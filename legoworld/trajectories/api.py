@@ -56,7 +56,7 @@ def trajectory_score(
         private=Path(truth),
         output=Path(output),
         limits=_LIMITS,
-        held=protections(sandbox),
+        protections=protections(sandbox),
         workers=workers,
         draws=draws,
         seed=seed,
@@ -127,7 +127,7 @@ def trajectory_pick(
         by=by,
         evidence=optional_path(evidence),
         limits=_LIMITS,
-        held=protections(sandbox),
+        protections=protections(sandbox),
         notice=listener.notice,
     )
     return pick(Path(scenes), Path(output), plan)

@@ -74,11 +74,11 @@ def _share_looks(
             made.setdefault(number, []).append(call)
 
 
-def _add_calls(step: AtifStep, made: list[Call]) -> AtifStep:
+def _add_calls(step: AtifStep, calls: list[Call]) -> AtifStep:
     extra = dict(step.extra) if isinstance(step.extra, dict) else {}
     extra["legoworld"] = {
-        "calls": [call.number for call in made],
-        "begun_s": made[0].at_s,
-        "ended_s": round(made[-1].at_s + made[-1].seconds, 4),
+        "calls": [call.number for call in calls],
+        "begun_s": calls[0].at_s,
+        "ended_s": round(calls[-1].at_s + calls[-1].seconds, 4),
     }
     return replace(step, extra=extra)

@@ -58,7 +58,7 @@ def best_run(
     known = read_evidence(evidence or runs[0].folder / _OWN_EVIDENCE)
     if not known.file.regions:
         raise UsageError(
-            f"there is nothing to choose {runs[0].about.scene} by",
+            f"no checkpoint of {runs[0].about.scene} can be chosen by its residuals",
             found=f"no regions in its {EVIDENCE}",
             expected="the photo's regions",
             next_step="make them with `legoworld plugin evidence --regions`",
@@ -102,7 +102,7 @@ class PickPlan:
     by: By
     evidence: Path | None
     limits: SandboxLimits
-    held: Protections
+    protections: Protections
     notice: Callable[[str], None]
 
 
@@ -256,7 +256,7 @@ def _export(
             made,
             workspace=workspace,
             limits=plan.limits,
-            held=plan.held,
+            protections=plan.protections,
             blender=blender,
         )
     except (BlenderEndedError, SceneInvalidError) as error:

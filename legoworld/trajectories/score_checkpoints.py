@@ -55,7 +55,7 @@ class ScoringPlan:
     private: Path
     output: Path
     limits: SandboxLimits
-    held: Protections
+    protections: Protections
     workers: int
     draws: int
     seed: int
@@ -240,7 +240,7 @@ def _deliver(
                         target,
                         workspace=workspace,
                         limits=plan.limits,
-                        held=plan.held,
+                        protections=plan.protections,
                         blender=blender,
                     )
             except (BlenderEndedError, SceneInvalidError) as error:

@@ -52,7 +52,7 @@ def read_transcript(
     data = path.read_bytes() if path is not None and path.is_file() else b""
     if kind == "atif":
         try:
-            return _number_steps(_whole(data, scene_folder))
+            return _number_steps(_read_atif(data, scene_folder))
         except RecordError as error:
             return _document(
                 agent, version, prompt, ParsedTranscript(notes=f"no transcript: {error}")
@@ -78,20 +78,20 @@ def total_usage(trajectory: AtifTrajectory) -> Usage:
     total = trajectory.final_metrics or None
     steps = [step.metrics for step in trajectory.steps if step.metrics]
 
-    def summed(whole: str, each: str) -> Any:
+    def total_or_sum(whole: str, each: str) -> Any:
         given = _none_if_unset(getattr(total, whole, None))
         if given is not None:
             return given
         values = [value for m in steps if (value := _none_if_unset(getattr(m, each))) is not None]
         return sum(values) if values else None
 
-    prompt = summed("total_prompt_tokens", "prompt_tokens")
-    completion = summed("total_completion_tokens", "completion_tokens")
+    prompt = total_or_sum("total_prompt_tokens", "prompt_tokens")
+    completion = total_or_sum("total_completion_tokens", "completion_tokens")
     return Usage(
         prompt_tokens=prompt,
         completion_tokens=completion,
-        cached_tokens=summed("total_cached_tokens", "cached_tokens"),
-        cost_usd=summed("total_cost_usd", "cost_usd"),
+        cached_tokens=total_or_sum("total_cached_tokens", "cached_tokens"),
+        cost_usd=total_or_sum("total_cost_usd", "cost_usd"),
         tokens_source=None if (prompt, completion) == (None, None) else "transcript",
     )
 
@@ -113,7 +113,7 @@ def _document(agent: str, version: str, prompt: str, reading: ParsedTranscript) 
     )
 
 
-def _whole(data: bytes, scene_folder: Path | None) -> AtifTrajectory:
+def _read_atif(data: bytes, scene_folder: Path | None) -> AtifTrajectory:
     """A document in ATIF. RecordError for another."""
     document = decode(dict[str, Any], data)
     lifted = without_pictures(document, scene_folder)

@@ -27,8 +27,8 @@ class Pages:
     scratch: Path
     photos: Path | None
     scene_folders: Sequence[Path]
-    making: threading.Lock = field(default_factory=threading.Lock)
-    made: dict[str, Path] = field(default_factory=dict)
+    write_lock: threading.Lock = field(default_factory=threading.Lock)
+    written_pages: dict[str, Path] = field(default_factory=dict)
 
     def make(self, state: WatchedState, name: str) -> str:
         """The folder below `scratch` with the page of a source; made once for each content.
@@ -43,16 +43,16 @@ class Pages:
                 found="no folder of this name" if source is None else f"a {source.kind} folder",
                 expected="an evaluation, a comparison, or trials that have ended",
             )
-        with self.making:
+        with self.write_lock:
             read = [self.top / name, *([self.photos] if self.photos else []), *self.scene_folders]
             content = f"{name} {[_signature(one) for one in read]}"
             folder = self.scratch / sha256(content.encode()).hexdigest()
             if not (folder / PAGE).is_file():
                 folder.mkdir(exist_ok=True)
                 self._write(source, folder / PAGE)
-                if earlier := self.made.get(name):
+                if earlier := self.written_pages.get(name):
                     shutil.rmtree(earlier)
-                self.made[name] = folder
+                self.written_pages[name] = folder
             return folder.name
 
     def _write(self, source: Watched, page: Path) -> None:

@@ -22,7 +22,7 @@ _HEIGHT_PX: Final = 720
 
 
 @dataclass(frozen=True, kw_only=True)
-class Served:
+class ViewServer:
     """A server at an address that has its token. run: until `end`, or Ctrl-C."""
 
     url: str
@@ -74,7 +74,7 @@ def view(
 @contextmanager
 def serving(
     folder: Path, photos: Path | None, scene_folders: Sequence[Path], port: int
-) -> Iterator[Served]:
+) -> Iterator[ViewServer]:
     """A server of a folder that listens and is not run yet; see `view`. UsageError."""
     require_http("view")
     from legoworld.bench.http_server import http_server, listening
@@ -93,7 +93,7 @@ def serving(
         watch = Watch(folder)
         pages = Pages(top=watch.top, scratch=scratch, photos=photos, scene_folders=scene_folders)
         server = http_server(ViewApp(watch, pages, token).asgi(), connections=_CONNECTIONS)
-        yield Served(
+        yield ViewServer(
             url=f"http://127.0.0.1:{listener.getsockname()[1]}/{token}/",
             run=partial(server.run, sockets=[listener]),
             end=partial(setattr, server, "should_exit", True),

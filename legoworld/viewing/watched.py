@@ -110,7 +110,7 @@ class Watch:
     def __init__(self, top: Path) -> None:
         self.top = top.resolve()
         self._journals: dict[Path, _Journal] = {}
-        self._ended: dict[Path, tuple[int, WatchedRow]] = {}
+        self._ended_trials: dict[Path, tuple[int, WatchedRow]] = {}
         self._read: dict[Path, tuple[tuple[int, ...], Watched]] = {}
         self._looking = threading.Lock()
 
@@ -139,14 +139,14 @@ class Watch:
         return (
             (
                 COMPARISON,
-                lambda of: self._unchanged(of / COMPARISON, "comparison", self._comparison),
+                lambda of: self._reread(of / COMPARISON, "comparison", self._comparison),
             ),
             (CONFIGURATION, self._unfinished_run),
-            (RUN, lambda of: self._unchanged(of / RUN, "run", self._run)),
-            (EVIDENCE, lambda of: self._unchanged(of / SUMMARY, "evaluation", self._evaluation)),
+            (RUN, lambda of: self._reread(of / RUN, "run", self._run)),
+            (EVIDENCE, lambda of: self._reread(of / SUMMARY, "evaluation", self._evaluation)),
         )
 
-    def _unchanged(self, path: Path, kind: Kind, read: Callable[[Path], Watched]) -> Watched:
+    def _reread(self, path: Path, kind: Kind, read: Callable[[Path], Watched]) -> Watched:
         """What was read of a folder, while the file that tells of it is the same."""
         try:
             status = path.stat()
@@ -174,7 +174,7 @@ class Watch:
             done=len(rows),
             of=configuration.attempted,
             statuses=dict(sorted(Counter(row.status for row in rows).items())),
-            rows=_shown(row for row in rows if row.status != "ok"),
+            rows=_watched_rows(row for row in rows if row.status != "ok"),
         )
 
     def _evaluation(self, folder: Path) -> Watched:
@@ -209,7 +209,7 @@ class Watch:
             done=journal.statuses.total(),
             of=configuration.attempted if configuration else None,
             statuses=dict(sorted(journal.statuses.items())),
-            rows=_shown(reversed(journal.newest)),
+            rows=_watched_rows(reversed(journal.newest)),
         )
 
     def _trials(self, folder: Path, inside: Iterable[tuple[Path, bool]]) -> Watched:
@@ -232,7 +232,7 @@ class Watch:
         path = folder / RECONSTRUCTION
         try:
             status = path.stat()
-            known = self._ended.get(path)
+            known = self._ended_trials.get(path)
             if known is None or known[0] != status.st_mtime_ns:
                 about = decode(ReconstructionFile, path.read_bytes())
                 row = WatchedRow(
@@ -241,7 +241,7 @@ class Watch:
                     note=one_line(about.reason),
                     picture=self._name(folder / PICTURE) if (folder / PICTURE).is_file() else None,
                 )
-                known = self._ended[path] = (status.st_mtime_ns, row)
+                known = self._ended_trials[path] = (status.st_mtime_ns, row)
         except (OSError, RecordError) as error:
             return 0, WatchedRow(name=folder.name, status="unreadable", note=_reason(error))
         return known
@@ -262,7 +262,7 @@ class Watch:
         return path.relative_to(self.top).as_posix()
 
 
-def _shown(rows: Iterable[RunRow]) -> tuple[WatchedRow, ...]:
+def _watched_rows(rows: Iterable[RunRow]) -> tuple[WatchedRow, ...]:
     return tuple(
         WatchedRow(name=row.file_name, status=row.status, note=one_line(row.reason or ""))
         for row in islice(rows, _MOST_ROWS)

@@ -83,11 +83,7 @@ class LayerOrder:
 
 @dataclass(frozen=True, kw_only=True)
 class Amodal:
-    """The amodal layers of a view of N instances. visible_px: (N,) pixels of each in the picture.
-
-    in_frame_px: (N,) pixels of each amodal mask; masks: as COCO writes them; occluders: pixels of
-    each amodal mask by what the picture shows there, direct_occluders: by the nearest in front.
-    """
+    """The amodal layers of a view of N instances. visible_px: (N,) visible pixels of each."""
 
     layers: AmodalLayers
     surfaces: Surfaces
@@ -96,22 +92,22 @@ class Amodal:
 
     @cached_property
     def in_frame_px(self) -> NDArray[np.int64]:
-        """See the class."""
+        """(N,) pixels of each amodal mask."""
         return amodal_areas(self.layers, len(self.visible_px))
 
     @cached_property
     def masks(self) -> ColumnRuns:
-        """See the class."""
+        """Amodal masks as COCO run lengths."""
         return ColumnRuns(self.layers, len(self.visible_px))
 
     @cached_property
     def occluders(self) -> HiddenPixels:
-        """See the class."""
+        """Pixels of each amodal mask, by the instance that the picture shows there."""
         return occluders(self.layers)
 
     @cached_property
     def direct_occluders(self) -> HiddenPixels:
-        """See the class."""
+        """Pixels of each amodal mask, by the nearest instance in front."""
         return direct_occluders(self.layers)
 
     @cached_property

@@ -28,7 +28,7 @@ class Lens:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Undistorted:
+class UndistortedPixels:
     """Pixels of the pinhole with the same fx, fy, cx, cy: xy_px (n, 2), NaN without a ray.
 
     folded, unsolved, behind: (n,) bool, why there is no ray in front of the camera: the distortion
@@ -43,7 +43,7 @@ class Undistorted:
 
 def undistort(
     lens: Lens, focal: tuple[float, float], centre: tuple[float, float], xy_px: F64
-) -> Undistorted:
+) -> UndistortedPixels:
     """Where the pinhole sees what the lens shows at pixels (n, 2), x and y from the top left."""
     uv, folded, unsolved = _solve((xy_px - centre) / focal, lens.coefficients)
     behind = np.zeros(len(uv), bool)
@@ -56,7 +56,7 @@ def undistort(
         np.divide(np.tan(theta), theta, out=stretch, where=~(theta <= 1e-9))
         uv = uv * stretch[:, None]
     xy = uv * focal + np.asarray(centre)
-    return Undistorted(xy_px=xy, folded=folded, unsolved=unsolved, behind=behind)
+    return UndistortedPixels(xy_px=xy, folded=folded, unsolved=unsolved, behind=behind)
 
 
 def _solve(

@@ -56,7 +56,7 @@ class View:
     drawn_normals: Normals | None = None
 
     @property
-    def drawn(self) -> tuple[Projection, tuple[int, int]]:
+    def drawn_projection(self) -> tuple[Projection, tuple[int, int]]:
         """The projection and size that the surfaces were drawn with: of the lens, if any."""
         if self.lens is None:
             return self.projection, self.size_wh
@@ -95,7 +95,7 @@ class View:
             raise ShapeError("the snapshot has no corner normals")
         made = render_normals(
             replace(self.surfaces, placement_id=_placements(self.surfaces)),
-            *self.drawn,
+            *self.drawn_projection,
             corner_normals=corners,
             depth_scale=self.depth_scale,
             threads=threads,
@@ -210,7 +210,7 @@ def surfaces_through(
 def unseen_reasons(
     snapshot: Snapshot,
     grouping: Grouping,
-    seen: View,
+    view: View,
     *,
     among: Sequence[int] | None = None,
     threads: int | None = None,
@@ -219,7 +219,7 @@ def unseen_reasons(
 
     among: instance ids, None for all.
     """
-    is_asked = seen.area_px == 0
+    is_asked = view.area_px == 0
     if among is not None:
         is_asked &= np.isin(np.arange(len(is_asked)), np.asarray(among, np.int64))
     unseen = np.flatnonzero(is_asked)
@@ -227,8 +227,8 @@ def unseen_reasons(
         return {}
     asked = np.flatnonzero(is_asked[grouping.surface_instance])
     codes = coverage(
-        _only(seen.surfaces, asked),
-        *seen.drawn,
+        _only(view.surfaces, asked),
+        *view.drawn_projection,
         threads=threads,
     )
     best = np.zeros(len(grouping.instances), np.uint8)
@@ -245,13 +245,13 @@ def _only(surfaces: Surfaces, placements: NDArray[np.intp]) -> Surfaces:
     """
     meshes, number = np.unique(surfaces.placement_mesh[placements], return_inverse=True)
 
-    def chosen(values: NDArray[Any], starts: NDArray[np.int64]) -> tuple[NDArray[Any], Any]:
+    def take_meshes(values: NDArray[Any], starts: NDArray[np.int64]) -> tuple[NDArray[Any], Any]:
         parts = [values[starts[m] : starts[m + 1]] for m in meshes.tolist()]
         ends = np.cumsum([0, *map(len, parts)], dtype=np.int64)
         return np.concatenate([values[:0], *parts]), ends
 
-    vertices, vertex_start = chosen(surfaces.vertices, surfaces.vertex_start)
-    triangles, triangle_start = chosen(surfaces.triangles, surfaces.triangle_start)
+    vertices, vertex_start = take_meshes(surfaces.vertices, surfaces.vertex_start)
+    triangles, triangle_start = take_meshes(surfaces.triangles, surfaces.triangle_start)
     return Surfaces(
         vertices=vertices,
         triangles=triangles,

@@ -58,10 +58,10 @@ class Worker(Protocol[Item_contra, Result_co]):
 
 @dataclass(frozen=True, kw_only=True)
 class Job(Generic[Item, Result]):
-    """The input of an engine. `make` must be picklable; `lost` is the result of a lost item."""
+    """The input of an engine. `make` must be picklable; `lost_result`: of a lost item."""
 
     make: Callable[[], Worker[Item, Result]]
-    lost: Callable[[Item, str], Result]
+    lost_result: Callable[[Item, str], Result]
 
 
 def run_local(
@@ -105,7 +105,7 @@ def run_ray(
     """Results in order of completion, from actors of a Ray cluster, one CPU each.
 
     The cluster is RAY_ADDRESS's, or one started on this machine. An item whose machine is lost is
-    retried on another, at most three times; then `job.lost` is its result.
+    retried on another, at most three times; then `job.lost_result` is its result.
     """
     ray = _started_ray()
     actor = ray.remote(num_cpus=1)(_RemoteWorker)
@@ -130,7 +130,7 @@ def run_ray(
                 if tries[number] < _TRIES:
                     waiting.append(number)
                     continue
-                result = job.lost(items[number], type(error).__name__)
+                result = job.lost_result(items[number], type(error).__name__)
             else:
                 idle.append(worker)
             yield result

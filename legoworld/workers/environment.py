@@ -93,7 +93,7 @@ def child_environment(
     *,
     home: Path,
     temporary: Path,
-    declared: Iterable[str] = (),
+    variables: Iterable[str] = (),
     caller: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
     """The complete environment of a child, from the allow-list of its kind.
@@ -117,7 +117,7 @@ def child_environment(
     environment |= {name: value for name, value in caller.items() if _is_allowed(kind, name, value)}
     if kind is ChildKind.MODEL:
         environment |= _model_caches(caller)
-    environment |= {name: caller[name] for name in declared if name in caller}
+    environment |= {name: caller[name] for name in variables if name in caller}
     return environment
 
 
@@ -131,10 +131,10 @@ def blender_environment(*, home: Path, temporary: Path) -> dict[str, str]:
     }
 
 
-def passed_names(declared: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
+def passed_names(variables: Iterable[str], caller: Mapping[str, str] | None = None) -> list[str]:
     """Declared names that are set for the caller; a run records the names, never the values."""
     caller = os.environ if caller is None else caller
-    return sorted({name for name in declared if name in caller})
+    return sorted({name for name in variables if name in caller})
 
 
 def _is_allowed(kind: ChildKind, name: str, value: str) -> bool:

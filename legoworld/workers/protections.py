@@ -27,13 +27,13 @@ class Protections:
     """The protections of a sandbox.
 
     why_not: why bubblewrap is not used; network: whether the program was given the network;
-    counted: whether the kernel counts its processes (see task_group).
+    task_group: whether the kernel counts its processes (see task_group).
     """
 
     bubblewrap: str | None
     why_not: str | None
     network: bool = False
-    counted: bool = False
+    task_group: bool = False
 
     @property
     def holds(self) -> list[str]:
@@ -43,7 +43,7 @@ class Protections:
             *(p for p in _WITH_BUBBLEWRAP if self.bubblewrap and not (self.network and p == _NET)),
             *_EVERYWHERE,
             *(_ON_LINUX if linux else ()),
-            *([_COUNTED] if self.counted else ()),
+            *([_COUNTED] if self.task_group else ()),
         ]
 
     @property
@@ -77,19 +77,19 @@ def protections(confinement: Confinement, *, network: bool = False) -> Protectio
 
     network: the program is to have the network.
     """
-    counted = group_place() is not None
+    grouped = group_place() is not None
     if confinement == "limits":
         why_not = "not asked for"
-        return Protections(bubblewrap=None, why_not=why_not, network=network, counted=counted)
+        return Protections(bubblewrap=None, why_not=why_not, network=network, task_group=grouped)
     usable = find_bubblewrap()
     if isinstance(usable, Bubblewrap):
         version = usable.version
-        return Protections(bubblewrap=version, why_not=None, network=network, counted=counted)
+        return Protections(bubblewrap=version, why_not=None, network=network, task_group=grouped)
     if confinement == "bubblewrap":
         raise SandboxUnavailableError(
             "bubblewrap cannot be used",
             found=usable,
-            expected="a bubblewrap that may make user namespaces",
+            expected="bubblewrap, allowed to create user namespaces",
             next_step=how_to_have(usable),
         )
-    return Protections(bubblewrap=None, why_not=usable, network=network, counted=counted)
+    return Protections(bubblewrap=None, why_not=usable, network=network, task_group=grouped)

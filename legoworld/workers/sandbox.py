@@ -89,7 +89,7 @@ class Sandbox:
         self,
         scratch: Path,
         limits: SandboxLimits,
-        held: Protections,
+        protections: Protections,
         *,
         owner: Path,
         workspace: Path | None = None,
@@ -100,15 +100,15 @@ class Sandbox:
         self._owner = owner.resolve()
         self._lease = lease
         self._limits = limits
-        self._confined = held.bubblewrap is not None
-        self._network = held.network
-        self._group = make_group(limits.processes) if held.counted else None
+        self._confined = protections.bubblewrap is not None
+        self._network = protections.network
+        self._group = make_group(limits.processes) if protections.task_group else None
         self._workspace = None if workspace is None else workspace.resolve()
         self._variables = dict(variables or {})
         #: When the time limit is reached, in time.monotonic() seconds, in every process.
         self.deadline = time.monotonic() + limits.time_s
         self._keeper: ChildProcess | None = None
-        self._printed: IO[bytes] | None = None
+        self._output_pipe: IO[bytes] | None = None
         self._head, self._tail = b"", b""
         self._printed_bytes = 0
         for name in _FOLDERS:
@@ -131,7 +131,7 @@ class Sandbox:
     def start(self, argv: Sequence[str], read_only: Sequence[Path]) -> None:
         """Start a program. read_only: files it can read besides Python, Blender and libraries."""
         read_output, write_output = os.pipe()
-        self._printed = open(read_output, "rb", buffering=0)  # noqa: SIM115, PTH123
+        self._output_pipe = open(read_output, "rb", buffering=0)  # noqa: SIM115, PTH123
         ends = (None, write_output, write_output)
         self._begin(argv, self._environment(), ends, read_only=read_only)
 
@@ -181,15 +181,15 @@ class Sandbox:
         """Wait until the program ends or exceeds a limit; afterwards none of its processes runs."""
         keeper = self._keeper
         assert keeper is not None
-        assert self._printed is not None
+        assert self._output_pipe is not None
         look, look_at_disk = 0.0, 0.0
         with selectors.DefaultSelector() as selector:
             selector.register(keeper.stdout, selectors.EVENT_READ)
-            selector.register(self._printed, selectors.EVENT_READ)
+            selector.register(self._output_pipe, selectors.EVENT_READ)
             while True:
                 ready = {key.fileobj for key, _ in selector.select(_LOOK_EVERY_S)}
-                if self._printed in ready and not self._read_output():
-                    selector.unregister(self._printed)
+                if self._output_pipe in ready and not self._read_output():
+                    selector.unregister(self._output_pipe)
                 if self._printed_bytes > self._limits.output_bytes:
                     return self._end_for("output")
                 if keeper.stdout in ready:
@@ -229,9 +229,9 @@ class Sandbox:
         if self._group is not None:  # its keeper has, unless it was killed
             remove_group(self._group.folder)
             self._group = None
-        if self._printed is not None:
-            self._printed.close()
-            self._printed = None
+        if self._output_pipe is not None:
+            self._output_pipe.close()
+            self._output_pipe = None
 
     @property
     def temporary(self) -> Path:
@@ -244,8 +244,8 @@ class Sandbox:
 
     def _read_output(self) -> bool:
         """Read the printed output and keep its end; False at the end of the stream."""
-        assert self._printed is not None
-        data = self._printed.read(1 << 16)
+        assert self._output_pipe is not None
+        data = self._output_pipe.read(1 << 16)
         self._printed_bytes += len(data)
         self._head += data[: _KEPT_BYTES - len(self._head)]
         self._tail = (self._tail + data)[-_KEPT_BYTES:]
@@ -287,8 +287,8 @@ class Sandbox:
 
     def _read_what_is_left(self) -> None:
         """Read the rest of the pipe."""
-        assert self._printed is not None
-        os.set_blocking(self._printed.fileno(), False)
+        assert self._output_pipe is not None
+        os.set_blocking(self._output_pipe.fileno(), False)
         with contextlib.suppress(BlockingIOError, TypeError):
             while self._printed_bytes <= self._limits.output_bytes and self._read_output():
                 pass

@@ -56,7 +56,7 @@ def map_items(
         return
     kind = _ProcessWorker[Item, Result] if pool.engine == "local" else _DirectWorker[Item, Result]
     make: Callable[[], Worker[tuple[int, Item], _Outcome[Result]]] = partial(kind, function)
-    job: Job[tuple[int, Item], _Outcome[Result]] = Job(make=make, lost=_lost_outcome)
+    job: Job[tuple[int, Item], _Outcome[Result]] = Job(make=make, lost_result=_lost_outcome)
     waiting: dict[int, _Outcome[Result]] = {}
     following = 0
     with closing(ENGINES[pool.engine](job, _NumberedItems(items), pool.workers)) as outcomes:

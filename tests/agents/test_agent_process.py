@@ -61,16 +61,16 @@ def order(tmp_path, monkeypatch):
     monkeypatch.setattr("legoworld.agents.agent_process.home_folder", lambda: tmp_path / "home")
     return Order(
         card=read_agent_card(tmp_path / "own.toml"), workspace=workspace, port=9900,
-        plugin_port=9901, steps="the steps\n", model=None, held=protections("limits"),
+        plugin_port=9901, steps="the steps\n", model=None, protections=protections("limits"),
         limits=SandboxLimits(time_s=600.0, memory_bytes=1 << 30), continues=True,
-        unfinished=unfinished, watch=BudgetWatch(UNLIMITED, lambda: False, Usage),
+        unfinished_trial=unfinished, watch=BudgetWatch(UNLIMITED, lambda: False, Usage),
     )  # fmt: skip
 
 
 def test_an_agent_finds_its_login_its_servers_its_prompt_and_what_it_kept(order):
     ending = run_agent(order, Stop())
     assert (ending.code, ending.over) == (0, None), ending.last_output
-    (transcript,) = order.unfinished.transcripts()
+    (transcript,) = order.trial.transcripts()
     login, said = transcript.read_text().split("\n", 1)
     servers, end = json.JSONDecoder().raw_decode(said)
     assert login == "my login"
@@ -79,7 +79,7 @@ def test_an_agent_finds_its_login_its_servers_its_prompt_and_what_it_kept(order)
     assert "\n".join(rest) == f"{order.workspace.prompt}the steps\nwhat it kept"
     assert key == "my key"
     assert other.endswith("/.other/deep/kept")
-    kept = order.unfinished.agent / "sandbox" / "output" / "session" / ".own" / "kept"
+    kept = order.trial.agent / "sandbox" / "output" / "session" / ".own" / "kept"
     assert {path.name for path in kept.iterdir()} == {"before", "more"}
 
 

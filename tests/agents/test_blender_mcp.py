@@ -22,7 +22,7 @@ SAVE = "import bpy, os\nbpy.ops.wm.save_as_mainfile(filepath=os.getcwd() + '/sce
 SPOIL = "open('scene.blend', 'w').write('spoiled')"
 
 
-def played(folder: Path, codes: list[str]) -> list[str]:
+def play_steps(folder: Path, codes: list[str]) -> list[str]:
     """What each step came back with, from a real MCP client that starts the command itself."""
     steps_file(folder / "steps.jsonl", codes)
     command = ["-m", "legoworld", "blender", "mcp", "--workspace", str(folder / "work"), "-q"]
@@ -48,9 +48,9 @@ def played(folder: Path, codes: list[str]) -> list[str]:
 
 def test_an_agent_starts_it_and_what_it_built_is_finalised(tmp_path, capsys):
     server_or_skip()
-    said = played(tmp_path, [CUBE, SAVE, SPOIL, "print(len(bpy.data.objects))"])
+    said = play_steps(tmp_path, [CUBE, SAVE, SPOIL, "print(len(bpy.data.objects))"])
     assert said[-1].strip().endswith("4")
-    again = played(tmp_path, ["print(len(bpy.data.objects))"])
+    again = play_steps(tmp_path, ["print(len(bpy.data.objects))"])
     assert again[-1].strip().endswith("4"), "the same workspace continues with its last scene"
     work, out = str(tmp_path / "work"), tmp_path / "out"
     assert cli.run(["blender", "finalise", work, "-o", str(out), "--json"]) == 0

@@ -113,7 +113,7 @@ def killed_at(folder: Path, agent: str, event: Path) -> None:
     run.wait()
 
 
-def finished(folder: Path, agent: str) -> RecordedTrial:
+def finish_trial(folder: Path, agent: str) -> RecordedTrial:
     """Run the same command to its end; the trial it left."""
     done = subprocess.run(
         command(folder, agent), cwd=ROOT, capture_output=True, text=True, check=False
@@ -145,7 +145,7 @@ def track(tmp_path: Path) -> Path:
 def test_killed_in_a_call_that_call_is_made_again_and_none_before_it(track: Path):
     steps_file(track / "programs" / "room.steps.jsonl", codes(hangs=3))
     killed_at(track, "program", track / "scenes" / ".unfinished-1" / "workspace" / "mark")
-    trial = finished(track, "program")
+    trial = finish_trial(track, "program")
     assert trial.about.continued == 1
     assert said_last(trial) == "step 1, step 2, step 3, step 4"
     assert [call.code for call in trial.calls if call.code] == codes(hangs=3)
@@ -175,7 +175,7 @@ def test_killed_while_it_is_finalised_no_call_is_made_again(track: Path):
     """Should the kill be too late, the trial is there already, and is the same."""
     steps_file(track / "programs" / "room.steps.jsonl", codes(last=2))
     killed_at(track, "program", track / "scenes" / ".unfinished-1" / "ended.json")
-    trial = finished(track, "program")
+    trial = finish_trial(track, "program")
     assert trial.about.continued == 0
     assert [call.code for call in trial.calls if call.code] == codes(last=2)
     assert trial.about.finalisation.source == "saved"
@@ -189,7 +189,7 @@ def test_killed_between_calls_an_agent_continues_from_what_it_kept(track: Path):
     steps = json.dumps(steps.replace("{", "{{").replace("}", "}}"))
     card.write_text(CARD.format(python=json.dumps(sys.executable), script=script, steps=steps))
     killed_at(track, str(card), track / "scenes" / ".unfinished-1" / "workspace" / "mark")
-    trial = finished(track, str(card))
+    trial = finish_trial(track, str(card))
     assert trial.about.continued == 1
     assert said_last(trial) == "step 1, step 2, step 3, step 4"
     assert [call.code for call in trial.calls if call.code] == codes()

@@ -20,7 +20,7 @@ PROGRAMS = sorted(EXAMPLES.glob("*/scene.py")) + sorted(EXAMPLES.glob("*/*/scene
 SAYS = "import sys\ndef say(x): vars(sys.modules['program']).setdefault('said', []).append(x)\n"
 
 
-def said(tmp_path, text, most=24):
+def cut_text(tmp_path, text, most=24):
     path = tmp_path / "scene.py"
     path.write_text(SAYS + text)
     steps = cut_program(path, most)
@@ -34,13 +34,13 @@ def said(tmp_path, text, most=24):
 
 
 def test_a_step_ends_with_each_statement_that_acts(tmp_path):
-    assert said(tmp_path, "a = 1\nsay(a)\na += 1\nb = a\nsay(b)\nc = 3\n") == (3, [1, 2])
+    assert cut_text(tmp_path, "a = 1\nsay(a)\na += 1\nb = a\nsay(b)\nc = 3\n") == (3, [1, 2])
 
 
 def test_the_body_of_a_final_main_is_the_program_s_own(tmp_path):
     text = "def main():\n    x = 1\n    say(x)\n    say(x + 1)\n"
-    assert said(tmp_path, text + "main()\n") == (2, [1, 2])
-    assert said(tmp_path, text + "if __name__ == '__main__':\n    main()\n") == (2, [1, 2])
+    assert cut_text(tmp_path, text + "main()\n") == (2, [1, 2])
+    assert cut_text(tmp_path, text + "if __name__ == '__main__':\n    main()\n") == (2, [1, 2])
 
 
 @pytest.mark.parametrize(
@@ -52,17 +52,17 @@ def test_the_body_of_a_final_main_is_the_program_s_own(tmp_path):
     ],
 )
 def test_a_main_that_means_something_else_outside_is_left_alone(tmp_path, body):
-    count, _ = said(tmp_path, f"def main():\n{body}main()\n")
+    count, _ = cut_text(tmp_path, f"def main():\n{body}main()\n")
     assert count == 1
 
 
 def test_functions_see_names_that_later_steps_make(tmp_path):
-    assert said(tmp_path, "def f(): say(later)\nsay(0)\nlater = 5\nf()\n") == (2, [0, 5])
+    assert cut_text(tmp_path, "def f(): say(later)\nsay(0)\nlater = 5\nf()\n") == (2, [0, 5])
 
 
 def test_neighbours_are_put_together_where_there_are_too_many(tmp_path):
     text = "".join(f"say({n})\n" for n in range(100))
-    assert said(tmp_path, text, most=7) == (7, list(range(100)))
+    assert cut_text(tmp_path, text, most=7) == (7, list(range(100)))
 
 
 @pytest.mark.parametrize(("n", "most"), [(10, 4), (25, 24), (3, 7), (24, 24), (1, 1)])
@@ -83,7 +83,7 @@ def test_future_imports_hold_in_every_step(tmp_path):
 
 
 def test_text_with_quotes_and_newlines_stays_as_it_is(tmp_path):
-    assert said(tmp_path, "say('''a\n  \"b\" \\\\ c''')\n") == (1, ['a\n  "b" \\ c'])
+    assert cut_text(tmp_path, "say('''a\n  \"b\" \\\\ c''')\n") == (1, ['a\n  "b" \\ c'])
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda p: p.parent.name)
@@ -137,7 +137,7 @@ def test_each_step_must_succeed_and_there_are_no_more_than_asked_for(tmp_path):
 )
 def test_a_main_that_is_called_another_way_is_one_statement(tmp_path, end):
     text = "def main():\n    say(1)\n    say(2)\n"
-    assert said(tmp_path, text + end)[0] == 1
+    assert cut_text(tmp_path, text + end)[0] == 1
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_a_main_that_is_called_another_way_is_one_statement(tmp_path, end):
 )  # fmt: skip
 def test_what_a_main_defines_may_return(tmp_path, inner):
     text = f"def main():\n{inner}    say(1)\n    say(2)\nif '__main__' == __name__:\n    main()\n"
-    assert said(tmp_path, text) == (2, [1, 2])
+    assert cut_text(tmp_path, text) == (2, [1, 2])
 
 
 def test_the_last_step_saves_the_scene_where_the_prompt_asks_for_it(monkeypatch):

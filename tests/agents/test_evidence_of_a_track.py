@@ -31,7 +31,7 @@ def made(tmp_path_factory):
     return folder
 
 
-def planned(made, track, *, photos="photos", regions=(), depth=None):
+def plan_evidence(made, track, *, photos="photos", regions=(), depth=None):
     options = PluginOptions(modules=modules_without([]), regions=tuple(regions), depth=depth)
     work = load_trial_setup(made / track, made / photos, "bench", options.modules)
     return plan_plugin(options, work)
@@ -41,7 +41,7 @@ def planned(made, track, *, photos="photos", regions=(), depth=None):
 def test_a_run_of_none_of_the_photos_is_refused(made, given):
     runs = {"regions": {"regions": [made / "coco"]}, "depth": {"depth": made / "eth3d"}}[given]
     with pytest.raises(EvidenceInvalidError) as refused:
-        planned(made, "other.json", **runs)
+        plan_evidence(made, "other.json", **runs)
     said = str(refused.value)
     assert "covers none of the track's photos" in said
     assert "2 photos in the run, none of the hashes of the track's 1" in said
@@ -49,7 +49,7 @@ def test_a_run_of_none_of_the_photos_is_refused(made, given):
 
 
 def test_a_run_of_some_of_the_photos_is_used_for_them(made):
-    plan = planned(made, "some.json", regions=[made / "coco"], depth=made / "eth3d")
+    plan = plan_evidence(made, "some.json", regions=[made / "coco"], depth=made / "eth3d")
     assert plan.options.regions == (made / "coco",)
     assert plan.options.depth == made / "eth3d"
 
@@ -60,11 +60,11 @@ def test_one_good_run_does_not_excuse_another(made, tmp_path):
     )
     assert call(other) == 0
     with pytest.raises(EvidenceInvalidError, match="other covers none"):
-        planned(made, "track.json", regions=[made / "coco", tmp_path / "other"])
+        plan_evidence(made, "track.json", regions=[made / "coco", tmp_path / "other"])
 
 
 def test_photos_that_are_not_there_are_each_trial_s_own_verdict(made):
-    assert planned(made, "other.json", photos="nowhere", regions=[made / "coco"])
+    assert plan_evidence(made, "other.json", photos="nowhere", regions=[made / "coco"])
 
 
 def test_the_command_says_it_in_one_line_and_begins_no_trial(made, tmp_path, capfd, monkeypatch):

@@ -27,7 +27,7 @@ def answer(*parts: SimpleNamespace, failed: bool = False) -> SimpleNamespace:
     return SimpleNamespace(content=parts, isError=failed)
 
 
-def played(monkeypatch, folder, answers, steps) -> tuple[int, dict[str, Any]]:
+def play_steps(monkeypatch, folder, answers, steps) -> tuple[int, dict[str, Any]]:
     """The exit code and the transcript of steps that get these answers."""
     left = iter(answers)
 
@@ -55,7 +55,7 @@ def played(monkeypatch, folder, answers, steps) -> tuple[int, dict[str, Any]]:
 )
 def test_nothing_is_played_after_a_step_that_had_to_succeed(monkeypatch, tmp_path, failing):
     answers = [answer(part("a"), part(), part("b")), failing, answer(part("late"))]
-    code, document = played(monkeypatch, tmp_path, answers, [MUST] * 3)
+    code, document = play_steps(monkeypatch, tmp_path, answers, [MUST] * 3)
     assert code == 1
     prompt, *steps = document["steps"]
     assert prompt["message"] == "Build it."
@@ -72,7 +72,7 @@ def test_nothing_is_played_after_a_step_that_had_to_succeed(monkeypatch, tmp_pat
 def test_another_step_s_failure_is_played_on_from(monkeypatch, tmp_path):
     answers = [answer(part("no"), failed=True), answer(part("yes"))]
     steps = [{**MUST, "must_succeed": False}, MUST]
-    code, document = played(monkeypatch, tmp_path, answers, steps)
+    code, document = play_steps(monkeypatch, tmp_path, answers, steps)
     assert code == 0
     assert len(document["steps"]) == 3
 
@@ -120,7 +120,7 @@ def test_a_step_is_written_with_its_words_its_call_and_its_answer(monkeypatch, t
         {"tool": "t", "arguments": {}, "server": "blender"},
     ]
     answers = [answer(part("seen"), part()), answer(part("done"))]
-    code, document = played(monkeypatch, tmp_path, answers, steps)
+    code, document = play_steps(monkeypatch, tmp_path, answers, steps)
     assert (code, document["schema_version"]) == (0, "ATIF-v1.6")
     assert (document["session_id"], document["agent"]["name"]) == ("program", "program")
     prompt, *rows = document["steps"]

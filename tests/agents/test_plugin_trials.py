@@ -92,7 +92,7 @@ def transcript(played, name):
     return json.loads((played / name / "room" / "trajectory.json").read_text())
 
 
-def said(played, name):
+def answers_of_tool(played, name):
     """Each call of a tool with what it came back with."""
     return [
         (step["tool_calls"][0]["function_name"], step["observation"]["results"][0]["content"])
@@ -102,7 +102,9 @@ def said(played, name):
 
 
 def test_a_good_edit_commits_and_a_harmful_one_is_rolled_back(played):
-    answers = [(tool, json.loads(text)) for tool, text in said(played, "with") if tool in TOOLS]
+    answers = [
+        (tool, json.loads(text)) for tool, text in answers_of_tool(played, "with") if tool in TOOLS
+    ]
     assert [tool for tool, _ in answers] == [
         "reference_evidence", "begin", "commit", "begin", "commit", "rollback",
     ]  # fmt: skip

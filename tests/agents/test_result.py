@@ -74,9 +74,9 @@ def outcome(
 ):  # fmt: skip
     agent = AtifAgent(name="codex", version="1", model_name=model)
     return TrialOutcome(
-        ended=EndedAgent(code=code, over=over, last_output=last, seconds=12.34567),
+        ended_agent=EndedAgent(code=code, over=over, last_output=last, seconds=12.34567),
         record=SimpleNamespace(calls=list(calls), checkpoints=list(checkpoints)),
-        finalised=made,
+        finalisation=made,
         trajectory=AtifTrajectory(
             schema_version="ATIF-v1.6",
             agent=agent,

@@ -138,14 +138,18 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
     assert here.read_begun() == BEGUN
     ((settings,),) = made.said("session")
     assert (settings.workspace, settings.record) == (here.workspace, here.scene_folder / TRIAL)
-    assert (settings.limits, settings.held, settings.lease) == (made.plan.limits, "blender's", 9)
+    assert (settings.limits, settings.protections, settings.lease) == (
+        made.plan.limits,
+        "blender's",
+        9,
+    )
     assert made.said("steps") == [[made.plan, IMAGE, here.workspace, 0]]
     ((order, stop),) = made.said("agent")
     assert stop is made.stop
-    assert (order.card, order.model, order.held) == (made.plan.card, "m", "agent's")
+    assert (order.card, order.model, order.protections) == (made.plan.card, "m", "agent's")
     assert (order.port, order.plugin_port, order.steps) == (4321, None, None)
     assert (order.limits.time_s, order.limits.memory_bytes) == (100.0, 5)
-    assert (order.continues, order.unfinished) == (False, here)
+    assert (order.continues, order.trial) == (False, here)
     assert order.workspace.prompt == "do"
     names = [what for what, *_ in made.log]
     assert names == [
@@ -153,17 +157,17 @@ def test_a_trial_is_begun_run_finalised_and_told(made):
         "transcript", "result",
     ]  # fmt: skip
     assert made.said("clock") == [[0.0]]
-    how = {"workspace": here.workspace, "limits": made.plan.limits, "held": "blender's",
+    how = {"workspace": here.workspace, "limits": made.plan.limits, "protections": "blender's",
            "blender": "the blender"}  # fmt: skip
     assert made.said("finalise") == [[here.scene_folder / TRIAL, 2, here.scene_folder, how]]
     about = {"agent": "own", "version": "1.0", "prompt": "do", "scene_folder": here.scene_folder}
     assert made.said("transcript") == [["transcript", "codex", about]]
     assert made.said("result") == [[made.plan, IMAGE, here.scene_folder, "the blender"]]
-    ended = outcome.ended
+    ended = outcome.ended_agent
     assert (ended.code, ended.over, ended.last_output) == (3, "disk", "a" * 4095 + "z")
     assert 0 <= ended.seconds < 60
     assert here.read_ended() == ended
-    assert (outcome.finalised, outcome.continued) == ("finalised", 0)
+    assert (outcome.finalisation, outcome.continued) == ("finalised", 0)
     assert outcome.trajectory == [("transcript", [1, 2])]
     assert 0 <= outcome.seconds < 60
 
@@ -184,7 +188,7 @@ def test_a_killed_agent_continues_in_what_is_left_of_its_time(made):
     ((order, _),) = made.said("agent")
     assert (order.continues, order.limits.time_s) == (True, 70.0)
     assert made.said("clock") == [[30.0]]
-    assert 30 <= outcome.ended.seconds < 90
+    assert 30 <= outcome.ended_agent.seconds < 90
     assert outcome.continued == 1
     assert [name for name, *_ in made.said("transcript")] == ["transcript-1", "transcript"]
     assert made.said("transcript")[0][2]["version"] == "2.0"
@@ -196,7 +200,7 @@ def test_an_agent_that_has_ended_is_finalised_again_alone(made):
     made.log.clear()
     outcome = made.run()
     assert [what for what, *_ in made.log] == ["of", "finalise", "transcript", "result"]
-    assert (outcome.ended, outcome.continued) == (first.ended, 0)
+    assert (outcome.ended_agent, outcome.continued) == (first.ended_agent, 0)
     assert len(outcome.record.calls) == 2
 
 
@@ -207,7 +211,7 @@ def test_without_time_left_the_agent_is_not_started_again(made):
     made.log.clear()
     outcome = made.run()
     assert made.said("agent") == made.said("start") == []
-    assert outcome.ended == EndedAgent(code=None, over="time", last_output="", seconds=110.0)
+    assert outcome.ended_agent == EndedAgent(code=None, over="time", last_output="", seconds=110.0)
 
 
 def test_the_plugin_s_port_is_the_agent_s_and_it_has_the_track_s_photo(made):

@@ -28,7 +28,7 @@ PATIENTLY_S = 900.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried:
+class TrialFolders:
     """A trial's row, the folder of all scenes and its own."""
 
     row: TrialRow
@@ -47,7 +47,7 @@ class Tried:
         return json.loads((self.folder / "frozen.json").read_text())
 
 
-def tried(folder: Path, codes: list[str], *, time_limit_s: float = PATIENTLY_S) -> Tried:
+def run_codes(folder: Path, codes: list[str], *, time_limit_s: float = PATIENTLY_S) -> TrialFolders:
     """One trial of an agent that sends these codes; its disk and its processes are few."""
     server_or_skip()
     make_track(folder, ["one"], task="bench")
@@ -55,7 +55,7 @@ def tried(folder: Path, codes: list[str], *, time_limit_s: float = PATIENTLY_S) 
     made = plan(folder, time_limit_s=time_limit_s)
     made = replace(made, limits=replace(made.limits, disk_bytes=100 << 20, processes=100))
     (row,) = run(made, folder / "scenes")
-    return Tried(row=row, scenes=folder / "scenes")
+    return TrialFolders(row=row, scenes=folder / "scenes")
 
 
 #: What an agent does, and where its scene then comes from. A link and a save elsewhere are not
@@ -77,7 +77,7 @@ BUILT = {
 @pytest.mark.parametrize("name", BUILT)
 def test_what_was_built_is_frozen_and_where_it_came_from_is_recorded(name, tmp_path):
     codes, source = BUILT[name]
-    done = tried(tmp_path, codes)
+    done = run_codes(tmp_path, codes)
     assert done.row.status == "ok", done.row
     assert done.trial.about.finalisation.source == source
     assert done.frozen["status"] == "ok", done.frozen
@@ -86,13 +86,13 @@ def test_what_was_built_is_frozen_and_where_it_came_from_is_recorded(name, tmp_p
 
 
 def test_a_scene_without_a_camera_is_delivered_and_invalid(tmp_path):
-    done = tried(tmp_path, ["bpy.data.objects.remove(bpy.data.objects['Camera'])", CUBE, SAVE])
+    done = run_codes(tmp_path, ["bpy.data.objects.remove(bpy.data.objects['Camera'])", CUBE, SAVE])
     assert done.row.status == "ok"
     assert done.frozen["checks"]["scene.blend"]["code"] == "no_camera"
 
 
 def test_an_agent_that_ends_at_once_has_no_scene_and_says_so(tmp_path):
-    done = tried(tmp_path, [])
+    done = run_codes(tmp_path, [])
     # The server asks what the endpoint is.
     assert (done.row.status, done.row.calls) == ("no_scene", 1)
     assert not (done.folder / "scene.blend").exists()
@@ -100,7 +100,7 @@ def test_an_agent_that_ends_at_once_has_no_scene_and_says_so(tmp_path):
 
 def test_a_spoilt_save_is_refused_and_the_one_before_taken(tmp_path):
     spoil = f"open({HERE} + '/scene.blend', 'w').write('spoiled')"
-    about = tried(tmp_path, [CUBE, SAVE, spoil]).trial.about
+    about = run_codes(tmp_path, [CUBE, SAVE, spoil]).trial.about
     assert about.finalisation.source == "saved"
     (refused,) = about.finalisation.refused
     assert "it begins with b'spoiled'" in refused
@@ -112,7 +112,7 @@ def test_time_s_end_is_the_runtime_s_and_recorded(tmp_path):
         folder = tmp_path / f"{time_limit_s:g}"
         folder.mkdir()
         codes = [CUBE, SAVE, "import time; time.sleep(3600)"]
-        done = tried(folder, codes, time_limit_s=time_limit_s)
+        done = run_codes(folder, codes, time_limit_s=time_limit_s)
         trial = done.trial
         assert trial.about.ended == "time" or trial.calls[-1].status == "timeout"
         assert trial.about.agent_seconds > 0.8 * time_limit_s
@@ -125,7 +125,7 @@ def test_time_s_end_is_the_runtime_s_and_recorded(tmp_path):
 def test_an_agent_that_forks_is_a_row_and_its_scene_survives(tmp_path):
     """How far the forks get before the limit is met is the machine's speed: both ends are named."""
     fork = "import os\nfor _ in range(7):\n try: os.fork()\n except OSError: pass"
-    done = tried(tmp_path, [CUBE, fork, SAVE])
+    done = run_codes(tmp_path, [CUBE, fork, SAVE])
     assert done.row.status in ("ok", "no_scene"), done.row
     assert done.row.checkpoints >= 1
     if done.row.status == "ok":
@@ -141,7 +141,7 @@ def test_thousands_of_objects_are_a_scene(tmp_path):
         "c = bpy.context.scene.collection.objects\n"
         "for n in range(3_000): c.link(bpy.data.objects.new(f'o{n}', m))"
     )
-    done = tried(tmp_path, [code])
+    done = run_codes(tmp_path, [code])
     assert (done.row.status, done.row.checkpoints) == ("ok", 1), done.row
 
 
@@ -160,7 +160,7 @@ def two(tmp_path_factory):
     finally:
         del os.environ["LEGOWORLD_TEST_SECRET"]
     assert [row.status for row in rows] == ["ok", "ok"]
-    return {row.scene: Tried(row=row, scenes=folder / "scenes") for row in rows}
+    return {row.scene: TrialFolders(row=row, scenes=folder / "scenes") for row in rows}
 
 
 def test_a_save_is_what_is_delivered_and_otherwise_the_open_scene(two):

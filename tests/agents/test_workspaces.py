@@ -26,7 +26,7 @@ def track_of(folder, *, task="bench", **entry):
     return path
 
 
-def made(folder, path, task=None, *, limit=90.0, modules=()):
+def make_trial_workspace(folder, path, task=None, *, limit=90.0, modules=()):
     work = load_trial_setup(path, folder / "photos", task, modules)
     (folder / "work").mkdir(exist_ok=True)
     (image,) = work.track.images
@@ -34,7 +34,7 @@ def made(folder, path, task=None, *, limit=90.0, modules=()):
 
 
 def test_an_agent_is_told_the_photo_its_view_the_folder_the_time_and_the_categories(tmp_path):
-    _, _, workspace = made(tmp_path, track_of(tmp_path, hfov_deg=61.25))
+    _, _, workspace = make_trial_workspace(tmp_path, track_of(tmp_path, hfov_deg=61.25))
     folder = tmp_path / "work"
     assert workspace.folder == folder
     assert workspace.image == folder / "reference.png"
@@ -54,7 +54,7 @@ def test_an_agent_is_told_the_photo_its_view_the_folder_the_time_and_the_categor
 
 def test_what_is_public_is_the_track_s_entry_under_the_copy_s_name(tmp_path):
     path = track_of(tmp_path, hfov_deg=50.0, more="of its own")
-    _, _, workspace = made(tmp_path, path)
+    _, _, workspace = make_trial_workspace(tmp_path, path)
     entry = json.loads(path.read_text())["images"][0]
     assert json.loads((tmp_path / "work" / "task.json").read_text()) == {
         "image": {**entry, "file_name": "reference.png"},
@@ -69,7 +69,7 @@ def test_without_a_view_or_categories_nothing_is_said_of_them(tmp_path):
     document = json.loads(path.read_text())
     document["categories"] = []
     path.write_text(json.dumps(document))
-    work, _, workspace = made(tmp_path, path, "bench")
+    work, _, workspace = make_trial_workspace(tmp_path, path, "bench")
     assert "64 x 48 pixels. It is" in workspace.prompt
     assert "categories" not in workspace.prompt
     assert work.categories == []
@@ -78,7 +78,7 @@ def test_without_a_view_or_categories_nothing_is_said_of_them(tmp_path):
 
 
 def test_a_task_with_a_vocabulary_says_its_labels(tmp_path):
-    work, _, workspace = made(tmp_path, track_of(tmp_path, task="coco"))
+    work, _, workspace = make_trial_workspace(tmp_path, track_of(tmp_path, task="coco"))
     reading = protocol("coco", work.track.vocabulary)
     assert (work.task, work.vocabulary_sha256) == ("coco", reading.vocabulary.sha256)
     assert work.schema == instructions_text(instructions(reading, "agent"))
@@ -87,7 +87,9 @@ def test_a_task_with_a_vocabulary_says_its_labels(tmp_path):
     assert workspace.prompt.endswith(f"and again.\n\n{work.schema}")
     both = f"{work.template}\n{work.schema}"
     assert work.prompt_sha256 == hashlib.sha256(both.encode()).hexdigest()
-    asked, _, _ = made(tmp_path / "other", track_of(tmp_path / "other", task="coco"), "bench")
+    asked, _, _ = make_trial_workspace(
+        tmp_path / "other", track_of(tmp_path / "other", task="coco"), "bench"
+    )
     assert asked.task == "bench", "what is asked for goes before what the track says"
 
 
@@ -120,7 +122,7 @@ def test_each_module_of_the_plugin_that_is_on_has_a_line(tmp_path):
 def test_without_its_photo_there_is_no_workspace(tmp_path):
     path = track_of(tmp_path)
     (tmp_path / "photos" / "Room.PNG").unlink()
-    work, image, workspace = made(tmp_path, path)
+    work, image, workspace = make_trial_workspace(tmp_path, path)
     assert workspace is None
     assert plan_workspace(work, image, tmp_path / "work", time_limit_s=60.0) is None
     assert list((tmp_path / "work").iterdir()) == []

@@ -18,7 +18,7 @@ def two_halves(size: int = 100) -> ObjectPicture:
     return ObjectPicture(instance=instance, names=("a|", "b|"), depth_z_m=depth)
 
 
-def renamed(picture: ObjectPicture) -> ObjectPicture:
+def rename_objects(picture: ObjectPicture) -> ObjectPicture:
     """The same picture, its ids and names in another order and one instance in two."""
     instance = np.select([picture.instance == 0, picture.instance == 1], [2, 0], -1).astype(
         np.int32
@@ -28,14 +28,14 @@ def renamed(picture: ObjectPicture) -> ObjectPicture:
 
 
 def test_a_picture_agrees_with_itself_under_other_ids() -> None:
-    found = compare(renamed(two_halves()), two_halves())
+    found = compare(rename_objects(two_halves()), two_halves())
     assert (found.same, found.same_inside, found.depth, found.depth_worst) == (1, 1, 1, 0)
     assert found.hit == 0.75
     assert found.verdict == "ok"
 
 
 def test_instances_of_one_object_are_not_told_apart_by_name() -> None:
-    assert renamed(two_halves()).areas() == {"a|": 3750, "b|": 3750}
+    assert rename_objects(two_halves()).areas() == {"a|": 3750, "b|": 3750}
 
 
 @pytest.mark.parametrize(("axis", "missed"), [(0, "same"), (1, "same")])
@@ -106,7 +106,7 @@ def test_pictures_of_two_sizes_are_refused() -> None:
         compare(two_halves(100), two_halves(96))
 
 
-def shaded(degrees: float, bend: float = 0.0) -> ObjectPicture:
+def tilt_picture(degrees: float, bend: float = 0.0) -> ObjectPicture:
     """Two halves whose normals are so far from the camera's axis; the right half is bent."""
     picture = two_halves()
     angles = np.radians(np.where(picture.instance == 1, degrees + bend, degrees))
@@ -115,15 +115,15 @@ def shaded(degrees: float, bend: float = 0.0) -> ObjectPicture:
 
 
 def test_normals_are_judged_off_silhouettes_and_creases() -> None:
-    assert compare_normals(shaded(3.0), shaded(3.05)).within == 1.0
-    found = compare_normals(shaded(3.0, bend=0.2), shaded(3.0))
+    assert compare_normals(tilt_picture(3.0), tilt_picture(3.05)).within == 1.0
+    found = compare_normals(tilt_picture(3.0, bend=0.2), tilt_picture(3.0))
     assert found.within == pytest.approx(0.5, abs=0.01)
     assert found.worst_deg == pytest.approx(0.2, abs=1e-4)
-    crease = compare_normals(shaded(0.0, bend=40), shaded(0.0, bend=40))
+    crease = compare_normals(tilt_picture(0.0, bend=40), tilt_picture(0.0, bend=40))
     assert (crease.within, crease.creased) == (1.0, 0), "it is where the silhouette is"
-    opposite = shaded(3.0)
+    opposite = tilt_picture(3.0)
     assert opposite.normal_world is not None
     turned = replace(opposite, normal_world=-opposite.normal_world)
-    assert compare_normals(turned, shaded(3.0)).within == 0.0
+    assert compare_normals(turned, tilt_picture(3.0)).within == 0.0
     nothing = replace(opposite, normal_world=np.zeros_like(opposite.normal_world))
-    assert np.isnan(compare_normals(nothing, shaded(3.0)).within)
+    assert np.isnan(compare_normals(nothing, tilt_picture(3.0)).within)

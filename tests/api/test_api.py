@@ -119,7 +119,7 @@ def test_a_reader_reads_what_comes_and_keeps_its_workers(tmp_path):
     folders = [COFFEE, tmp_path / "nothing", SCENES / "chelsea", COFFEE]
     with legoworld.Reader(task="coco", workers=2, cache=tmp_path / "cache") as reader:
         readings = list(reader.read(folders, size_wh=(60, 40)))
-        processes = {b._process.pid for b in reader._made if b._process}
+        processes = {b._process.pid for b in reader._blenders if b._process}
         assert sorted(r.status for r in readings) == ["missing", "ok", "ok", "ok"]
         (missing,) = (r for r in readings if not r.ok)
         assert isinstance(missing.error, SceneMissingError)
@@ -130,8 +130,8 @@ def test_a_reader_reads_what_comes_and_keeps_its_workers(tmp_path):
         assert [next(endless).ok for _ in range(5)] == [True] * 5
         endless.close()
         assert list(reader.read([])) == []
-        assert processes == {b._process.pid for b in reader._made if b._process}
-    assert all(b._process is None for b in reader._made)
+        assert processes == {b._process.pid for b in reader._blenders if b._process}
+    assert all(b._process is None for b in reader._blenders)
     with pytest.raises(UsageError, match="the reader is closed"):
         next(reader.read([COFFEE]))
     reader.close()

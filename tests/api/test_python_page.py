@@ -24,7 +24,7 @@ def examples() -> list[str]:
 @pytest.mark.blender
 def test_the_page_runs_as_a_stranger_runs_it(tmp_path):
     assert len(examples()) > 8
-    assert stranger.unmarked(PAGE) == 0
+    assert stranger.count_unmarked(PAGE) == 0
     printed = stranger.run_page(PAGE, tmp_path / "page")
     assert "coffee.png ok" in printed
     assert "missing" in printed

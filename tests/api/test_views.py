@@ -71,7 +71,7 @@ def coffee():
     return legoworld.open_scene(COFFEE)
 
 
-def everything(view):
+def describe_view(view):
     """All that a view says, but for the name of its file."""
     return (
         view.instance.tobytes(),
@@ -87,12 +87,12 @@ def everything(view):
 def test_a_files_cameras_are_those_of_files_with_each_as_the_active_one(kitchen, scenes, cache):
     assert list(kitchen.cameras) == ["View 7", *(f"View {n}" for n in range(7))]
     views = kitchen.views(kitchen.cameras, size_wh=SIZE, task="coco-masks", workers=2)
-    seen = {view.camera.name: everything(view) for view in views}
+    seen = {view.camera.name: describe_view(view) for view in views}
     for n in range(8):
         scene = legoworld.open_scene(scenes / f"active {n}.blend", cache=cache)
         view = scene.view(task="coco-masks", size_wh=SIZE)
         assert view.camera.name == f"View {n}"
-        assert everything(view) == seen[f"View {n}"]
+        assert describe_view(view) == seen[f"View {n}"]
     assert len({s[0] for s in seen.values()}) == 8
     with pytest.raises(UsageError, match=r"no camera 'View 8'.*hidden from rendering"):
         kitchen.view(camera="View 8")
@@ -171,7 +171,7 @@ def test_a_lens_that_bends_nothing_changes_no_pixel(coffee):
     plain = coffee.view(task="coco-masks", size_wh=(90, 60), camera="Camera")
     camera = next(iter(coffee.views(["Camera"], size_wh=(90, 60)).cameras))
     bent = coffee.view(task="coco-masks", camera=replace(camera, lens=Lens(coefficients=(0,) * 8)))
-    assert everything(plain)[:5] == (
+    assert describe_view(plain)[:5] == (
         bent.instance.tobytes(), bent.depth_z_m.tobytes(), bent.normals().tobytes(),
         bent.predictions(), bent.masks().tobytes(),
     )  # fmt: skip

@@ -56,7 +56,7 @@ def original_layout(size, seed=0):
     return model
 
 
-def saved(path, model, arguments=ARGUMENTS, **other):
+def save_checkpoint(path, model, arguments=ARGUMENTS, **other):
     content = {
         "model": model,
         "optimizer": {"state": {0: {"step": 7, "exp_avg": torch.zeros(2)}}, "param_groups": [{}]},
@@ -183,7 +183,7 @@ def test_the_full_network_has_exactly_the_published_names_and_sizes():
 
 def test_a_checkpoint_in_the_original_layout_is_loaded_whole(tmp_path):
     model = original_layout(SMALL)
-    checkpoint = read_checkpoint(saved(tmp_path / "checkpoint0023_4scale.pth", model))
+    checkpoint = read_checkpoint(save_checkpoint(tmp_path / "checkpoint0023_4scale.pth", model))
     assert checkpoint.epochs == 24
     assert checkpoint.settings == {"pe_temperatureH": 20, "pe_temperatureW": 20, "nheads": 8}
     dropped = {name for name in model if name not in checkpoint.parameters}
@@ -218,7 +218,7 @@ class Harm:
 
 def test_nothing_in_a_checkpoint_is_executed(tmp_path):
     Harm.folder = tmp_path / "executed"
-    path = saved(tmp_path / "harm.pth", original_layout(SMALL), extra=Harm())
+    path = save_checkpoint(tmp_path / "harm.pth", original_layout(SMALL), extra=Harm())
     assert "mkdir" in refusal(path)
     assert not Harm.folder.exists()
 
@@ -261,7 +261,7 @@ def test_detrex_is_told_apart_by_every_difference(tmp_path):
 def test_second_names_with_other_numbers_are_refused(tmp_path):
     model = original_layout(SMALL)
     model["transformer.decoder.bbox_embed.1.layers.2.bias"] = torch.ones(4)
-    text = refusal(saved(tmp_path / "c.pth", model))
+    text = refusal(save_checkpoint(tmp_path / "c.pth", model))
     assert "transformer.decoder.bbox_embed.1.layers.2.bias is not bbox_embed.1" in text
 
 
@@ -290,13 +290,13 @@ def not_a_number(model, name):
 def test_every_difference_is_refused(tmp_path, change, name, said):
     model = original_layout(SMALL)
     change(model, name)
-    assert said in refusal(saved(tmp_path / "c.pth", model))
+    assert said in refusal(save_checkpoint(tmp_path / "c.pth", model))
 
 
 def test_an_unknown_parameter_is_refused(tmp_path):
     model = original_layout(SMALL)
     model["transformer.encoder.norm.weight"] = torch.ones(32)
-    text = refusal(saved(tmp_path / "c.pth", model))
+    text = refusal(save_checkpoint(tmp_path / "c.pth", model))
     assert "transformer.encoder.norm.weight is not known" in text
 
 
@@ -304,7 +304,7 @@ def test_an_unknown_parameter_is_refused(tmp_path):
     "setting", [{"pe_temperatureH": 10000}, {"nheads": 4}, {"transformer_activation": "gelu"}]
 )
 def test_settings_that_leave_no_trace_in_the_shapes_are_checked(tmp_path, setting):
-    path = saved(tmp_path / "c.pth", original_layout(SMALL), ARGUMENTS | setting)
+    path = save_checkpoint(tmp_path / "c.pth", original_layout(SMALL), ARGUMENTS | setting)
     ((name, value),) = setting.items()
     assert f"{name} = {value!r}" in refusal(path)
 
@@ -315,12 +315,12 @@ def test_paths_among_the_arguments_are_plain_values(tmp_path, monkeypatch):
         "output_dir": Path("/runs/dino"),
         "data": pathlib.PureWindowsPath("c:/x"),
     }
-    path = saved(tmp_path / "c.pth", original_layout(SMALL), arguments)
+    path = save_checkpoint(tmp_path / "c.pth", original_layout(SMALL), arguments)
     assert read_checkpoint(path).epochs == 24
     build(read_checkpoint(path), SMALL)
     monkeypatch.setattr(pathlib.PosixPath, "__module__", "pathlib._local")
     monkeypatch.setitem(sys.modules, "pathlib._local", pathlib)
-    saved(path, original_layout(SMALL), arguments)
+    save_checkpoint(path, original_layout(SMALL), arguments)
     monkeypatch.undo()
     with zipfile.ZipFile(path) as archive:
         (name,) = [n for n in archive.namelist() if n.endswith("data.pkl")]

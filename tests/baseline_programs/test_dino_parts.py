@@ -28,7 +28,7 @@ SHAPES_HW = ((6, 9), (3, 5), (2, 3), (1, 2))
 SIZE = DinoSize(dim=32, heads=4, feedforward=48, queries=11)
 
 
-def randomised(module, seed=0, scale=0.3):
+def randomise_parameters(module, seed=0, scale=0.3):
     """Every parameter and buffer drawn; a variance stays positive."""
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
@@ -38,7 +38,7 @@ def randomised(module, seed=0, scale=0.3):
     return module.double().eval()
 
 
-def drawn(*shape, seed=1):
+def draw(*shape, seed=1):
     generator = torch.Generator().manual_seed(seed)
     return torch.randn(*shape, generator=generator, dtype=torch.float64)
 
@@ -96,9 +96,9 @@ def attention_by_loops(module, queries, references, features):
 
 @pytest.mark.parametrize("coordinates", [2, 4])
 def test_deformable_attention_equals_sampling_in_loops(coordinates):
-    module = randomised(dino_attention.DeformableAttention(32, 4, 4, 4))
-    queries, features = 4 * drawn(7, 32), drawn(n_pixels(), 32, seed=2)
-    references = drawn(7, coordinates, seed=3).sigmoid()
+    module = randomise_parameters(dino_attention.DeformableAttention(32, 4, 4, 4))
+    queries, features = 4 * draw(7, 32), draw(n_pixels(), 32, seed=2)
+    references = draw(7, coordinates, seed=3).sigmoid()
     with torch.no_grad():
         found = module(queries, references, features, SHAPES_HW)
     expected = attention_by_loops(module, queries.numpy(), references.numpy(), features.numpy())
@@ -144,7 +144,7 @@ def renamed(module, names):
 def test_an_encoder_layer_equals_transformers_deformable_detr():
     from transformers.models.deformable_detr import modeling_deformable_detr as authority
 
-    ours = randomised(EncoderLayer(SIZE))
+    ours = randomise_parameters(EncoderLayer(SIZE))
     theirs = authority.DeformableDetrEncoderLayer(deformable_config()).double().eval()
     names = {
         "norm1.": "self_attn_layer_norm.",
@@ -153,7 +153,7 @@ def test_an_encoder_layer_equals_transformers_deformable_detr():
         "linear2.": "mlp.fc2.",
     }
     theirs.load_state_dict(renamed(ours, names))
-    x, positions = drawn(n_pixels(), 32), drawn(n_pixels(), 32, seed=2)
+    x, positions = draw(n_pixels(), 32), draw(n_pixels(), 32, seed=2)
     centres = dino_attention.pixel_centres(SHAPES_HW, x)
     with torch.no_grad():
         found = ours(x, positions, centres, SHAPES_HW)
@@ -171,7 +171,7 @@ def test_an_encoder_layer_equals_transformers_deformable_detr():
 def test_a_decoder_layer_equals_transformers_deformable_detr():
     from transformers.models.deformable_detr import modeling_deformable_detr as authority
 
-    ours = randomised(DecoderLayer(SIZE))
+    ours = randomise_parameters(DecoderLayer(SIZE))
     theirs = authority.DeformableDetrDecoderLayer(deformable_config()).double().eval()
     state = renamed(
         ours,
@@ -189,8 +189,8 @@ def test_a_decoder_layer_equals_transformers_deformable_detr():
         for name, part in zip("qkv", state.pop(f"self_attn.in_proj_{kind}").chunk(3), strict=True):
             state[f"self_attn.{name}_proj.{kind}"] = part
     theirs.load_state_dict(state)
-    x, positions, memory = drawn(11, 32), drawn(11, 32, seed=2), drawn(n_pixels(), 32, seed=3)
-    boxes = drawn(11, 4, seed=4).sigmoid()
+    x, positions, memory = draw(11, 32), draw(11, 32, seed=2), draw(n_pixels(), 32, seed=3)
+    boxes = draw(11, 4, seed=4).sigmoid()
     with torch.no_grad():
         found = ours(x, positions, boxes, memory, SHAPES_HW)
         expected = theirs(
@@ -206,8 +206,8 @@ def test_a_decoder_layer_equals_transformers_deformable_detr():
 
 
 def test_self_attention_equals_einsum():
-    module = randomised(DecoderLayer(SIZE)).self_attn
-    placed, x = drawn(11, 32), drawn(11, 32, seed=2)
+    module = randomise_parameters(DecoderLayer(SIZE)).self_attn
+    placed, x = draw(11, 32), draw(11, 32, seed=2)
     q, k, v = (
         (source @ w.T + b).reshape(11, 4, 8)
         for source, w, b in zip(
@@ -233,7 +233,7 @@ def sine_by_loop(angle, channel, dim, temperature):
 
 def test_image_positions_equal_a_loop():
     height, width, dim = 3, 5, 16
-    found = dino_attention.image_positions(height, width, dim, drawn(1)).reshape(height, width, dim)
+    found = dino_attention.image_positions(height, width, dim, draw(1)).reshape(height, width, dim)
     for row in range(height):
         for column in range(width):
             for channel in range(dim):
@@ -244,7 +244,7 @@ def test_image_positions_equal_a_loop():
 
 
 def test_box_positions_equal_a_loop():
-    boxes = drawn(4, 4).sigmoid()
+    boxes = draw(4, 4).sigmoid()
     found = dino_attention.box_positions(boxes, 16)
     assert found.shape == (4, 32)
     for query in range(4):
@@ -256,7 +256,7 @@ def test_box_positions_equal_a_loop():
 
 
 def test_proposals_equal_a_loop():
-    found, valid = proposals(((3, 60), (2, 2), (1, 1), (1, 1), (1, 1)), drawn(1))
+    found, valid = proposals(((3, 60), (2, 2), (1, 1), (1, 1), (1, 1)), draw(1))
     expected = []
     for level, (height, width) in enumerate(((3, 60), (2, 2), (1, 1), (1, 1), (1, 1))):
         for row in range(height):
@@ -290,7 +290,7 @@ def test_moved_boxes_start_from_clamped_fractions():
 # --- backbone -------------------------------------------------------------------------------------
 
 
-def convolved(x, weight, stride, padding):
+def convolve(x, weight, stride, padding):
     """(C, H, W) with (O, C, k, k), by scipy."""
     x = np.pad(x, ((0, 0), (padding, padding), (padding, padding)))
     full = [signal.correlate(x, kernel, mode="valid")[0] for kernel in weight]
@@ -299,7 +299,7 @@ def convolved(x, weight, stride, padding):
 
 @pytest.mark.parametrize(("inputs", "stride"), [(6, 2), (16, 1)])
 def test_a_residual_block_equals_scipy(inputs, stride):
-    block = randomised(Bottleneck(inputs, 4, stride))
+    block = randomise_parameters(Bottleneck(inputs, 4, stride))
     state = {name: tensor.numpy() for name, tensor in block.state_dict().items()}
 
     def normed(x, name):
@@ -309,13 +309,13 @@ def test_a_residual_block_equals_scipy(inputs, stride):
         centred = (x - mean.reshape(shape)) / np.sqrt(var.reshape(shape) + 1e-5)
         return centred * weight.reshape(shape) + bias.reshape(shape)
 
-    x = drawn(inputs, 7, 8).numpy()
-    y = np.maximum(normed(convolved(x, state["conv1.weight"], 1, 0), "bn1"), 0)
-    y = np.maximum(normed(convolved(y, state["conv2.weight"], stride, 1), "bn2"), 0)
-    y = normed(convolved(y, state["conv3.weight"], 1, 0), "bn3")
+    x = draw(inputs, 7, 8).numpy()
+    y = np.maximum(normed(convolve(x, state["conv1.weight"], 1, 0), "bn1"), 0)
+    y = np.maximum(normed(convolve(y, state["conv2.weight"], stride, 1), "bn2"), 0)
+    y = normed(convolve(y, state["conv3.weight"], 1, 0), "bn3")
     beside = x
     if inputs != 16 or stride != 1:
-        beside = normed(convolved(x, state["downsample.0.weight"], stride, 0), "downsample.1")
+        beside = normed(convolve(x, state["downsample.0.weight"], stride, 0), "downsample.1")
     expected = np.maximum(y + beside, 0)
     with torch.no_grad():
         found = block(torch.from_numpy(x)[None])[0].numpy()
@@ -323,7 +323,7 @@ def test_a_residual_block_equals_scipy(inputs, stride):
 
 
 def test_the_body_equals_transformers_resnet_50():
-    ours = randomised(ResNetBody((3, 4, 6, 3), 4), scale=0.15)
+    ours = randomise_parameters(ResNetBody((3, 4, 6, 3), 4), scale=0.15)
     config = transformers.ResNetConfig(
         embedding_size=4,
         hidden_sizes=[16, 32, 64, 128],
@@ -337,7 +337,7 @@ def test_the_body_equals_transformers_resnet_50():
     untouched = theirs.state_dict().keys() - state.keys()
     assert all(name.endswith("num_batches_tracked") for name in untouched)
     theirs.load_state_dict({**{name: theirs.state_dict()[name] for name in untouched}, **state})
-    x = drawn(1, 3, 67, 90)
+    x = draw(1, 3, 67, 90)
     with torch.no_grad():
         for found, expected in zip(ours(x), theirs(x).feature_maps, strict=True):
             assert expected.abs().max() > 1e-3

@@ -21,7 +21,7 @@ class TwoBoxes(torch.nn.Module):
         return boxes, torch.tensor([0.5, 0.01]), torch.tensor([0, 1])
 
 
-def printed(first: str) -> str:
+def indented_block(first: str) -> str:
     """The page's indented block that begins with a text."""
     page = (ROOT / "docs" / "baselines.md").read_text(encoding="utf-8")
     blocks = re.findall(r"(?:^(?: {4}.*)?\n)+", page, re.MULTILINE)
@@ -34,8 +34,8 @@ def printed(first: str) -> str:
 def test_it_runs_as_printed(tmp_path):
     mine = tmp_path / "mine"
     mine.mkdir()
-    (mine / "card.toml").write_text(printed("schema_version = 1\nname = "))
-    (mine / "run.py").write_text(printed("from legoworld_baseline import"))
+    (mine / "card.toml").write_text(indented_block("schema_version = 1\nname = "))
+    (mine / "run.py").write_text(indented_block("from legoworld_baseline import"))
     assert 'name = "mine"' in (mine / "card.toml").read_text()
     torch.jit.script(TwoBoxes()).save(tmp_path / "net.pt")
     photo = some_photo()

@@ -39,10 +39,10 @@ def run_here(weights, output, photo, **options):
     asked = depth_request(weights, output, photo, **options)
     model, provenance = run.load(asked)
     result = run.predict(model, asked["images"][0])
-    return provenance, result, stored(output, photo)
+    return provenance, result, load_depth(output, photo)
 
 
-def stored(output, photo):
+def load_depth(output, photo):
     with np.load(output / "depth" / f"{photo.stem}.npz") as file:
         return str(file["space"]), str(file["unit"]), file["values"]
 
@@ -193,7 +193,7 @@ def test_depth_pro_gives_metres_through_its_own_field_of_view(tmp_path, photo):
 def test_end_to_end(tmp_path, photo):
     folder = save_tiny("depth_anything", tmp_path / "model")
     said = ask("hf-depth", depth_request(folder, tmp_path / "run", photo))
-    space, _, values = stored(tmp_path / "run", photo)
+    space, _, values = load_depth(tmp_path / "run", photo)
     assert space == "disparity"
     assert said.results[1]["depth"]["size_wh"] == [values.shape[1], values.shape[0]]
     _, result, _ = run_here(folder, tmp_path / "again", photo)

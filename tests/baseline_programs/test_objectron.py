@@ -26,7 +26,7 @@ BOX = np.array([0.1, 0.2, 2.0]), AXES * np.linalg.det(AXES), np.array([0.5, 0.9,
 CORNERS = cuboid_corners(*BOX)
 
 
-def seen(camera: np.ndarray) -> np.ndarray:
+def project_box(camera: np.ndarray) -> np.ndarray:
     """The nine points of BOX in a photo."""
     center, axes, sizes = BOX
     points = np.vstack([np.zeros(3), SIGNS * sizes / 2]) @ axes.T + center
@@ -34,12 +34,12 @@ def seen(camera: np.ndarray) -> np.ndarray:
 
 
 def test_a_box_comes_back_from_its_points_at_its_height():
-    found = box_in_space(seen(K), K, 0.9)
+    found = box_in_space(project_box(K), K, 0.9)
     assert box_ious(found[None], CORNERS[None])[0, 0] == pytest.approx(1, abs=1e-6)
-    np.testing.assert_allclose(box_in_space(seen(K), K, 1.8), 2 * found, rtol=1e-9)
+    np.testing.assert_allclose(box_in_space(project_box(K), K, 1.8), 2 * found, rtol=1e-9)
     assert box_in_space(np.full((9, 2), 50.0), K, 0.9) is None
     # From points that are off: a rectangular box that is near.
-    found = box_in_space(seen(K) + np.random.default_rng(0).normal(size=(9, 2)), K, 0.9)
+    found = box_in_space(project_box(K) + np.random.default_rng(0).normal(size=(9, 2)), K, 0.9)
     edges = found[[1, 3, 4]] - found[0]
     np.testing.assert_allclose(edges @ edges.T, np.diag((edges**2).sum(axis=1)), atol=1e-9)
     assert box_ious(found[None], CORNERS[None])[0, 0] > 0.5
@@ -88,7 +88,7 @@ def test_a_region_through_the_program(images, asked, tmp_path, monkeypatch):
         document = {"images": images, "annotations": [REGION]}
         (tmp_path / "regions.json").write_text(json.dumps(document))
     left, top, side = square_around(REGION["bbox"])
-    points = seen(K if images else camera_of(60.0, (160, 120)))
+    points = project_box(K if images else camera_of(60.0, (160, 120)))
     monkeypatch.setattr(Interpreter, "points", (points - [left, top]) / side * 224)
     said = ask_here("objectron", asked).results[1]
     (box,) = said["predictions"]

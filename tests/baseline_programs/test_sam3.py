@@ -337,7 +337,7 @@ def test_prompts_of_an_image_give_the_same_masks_for_their_categories(
 
 def test_the_published_layout_gives_the_same_masks(everything, checkpoint, tmp_path, photo):
     """facebook/sam3 is the video model: its detector's keys and settings sit one level down."""
-    folder = changed(checkpoint, tmp_path, detector_of_video)
+    folder = change_checkpoint(checkpoint, tmp_path, detector_of_video)
     config = json.loads((checkpoint / "config.json").read_text())
     outer = {"model_type": "sam3_video", "architectures": ["Sam3VideoModel"]}
     (folder / "config.json").write_text(json.dumps({**outer, "detector_config": config}))
@@ -357,7 +357,7 @@ def without_a_projection(weights):
     return {k: v for k, v in weights.items() if k != "text_projection.weight"}
 
 
-def changed(checkpoint, tmp_path, change):
+def change_checkpoint(checkpoint, tmp_path, change):
     """A copy of the checkpoint with other weights."""
     from safetensors.torch import load_file, save_file
 
@@ -369,7 +369,7 @@ def changed(checkpoint, tmp_path, change):
 
 
 def test_a_checkpoint_with_a_missing_parameter_is_refused(checkpoint, tmp_path, photo):
-    folder = changed(checkpoint, tmp_path, without_a_projection)
+    folder = change_checkpoint(checkpoint, tmp_path, without_a_projection)
     words = refusal("sam3", lvis_request(folder, tmp_path, [photo]))
     assert "text_projection.weight" in words["found"]
 

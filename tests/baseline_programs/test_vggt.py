@@ -250,7 +250,7 @@ def test_as_a_baseline_of_depth(checkpoint, photos, tmp_path):
         assert not np.isfinite(stored["values"]).any()
 
 
-def changed(checkpoint, folder, change):
+def change_checkpoint(checkpoint, folder, change):
     from safetensors.torch import load_file
 
     weights = change(load_file(checkpoint / "model.safetensors"))
@@ -269,7 +269,9 @@ def changed(checkpoint, folder, change):
     ],
 )
 def test_wrong_weights_are_refused(checkpoint, tmp_path, change, found):
-    words = refusal("vggt", camera_request(changed(checkpoint, tmp_path, change), tmp_path, []))
+    words = refusal(
+        "vggt", camera_request(change_checkpoint(checkpoint, tmp_path, change), tmp_path, [])
+    )
     assert "no checkpoint of VGGT" in words["message"]
     assert found in words["found"]
 
@@ -310,7 +312,7 @@ def test_what_cannot_be_run_is_refused(tmp_path, monkeypatch, changes, message):
 
 
 def test_weights_of_another_input_are_refused(checkpoint, tmp_path):
-    changed(checkpoint, tmp_path, lambda weights: weights)
+    change_checkpoint(checkpoint, tmp_path, lambda weights: weights)
     (tmp_path / "config.json").write_text(json.dumps({**SIZES, "patch_size": 16}))
     words = refusal("vggt", camera_request(tmp_path, tmp_path, []))
     assert "patch_size 16" in words["found"]

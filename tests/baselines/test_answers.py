@@ -39,7 +39,7 @@ def line(**message: Any) -> str:
     return json.dumps(message) + "\n"
 
 
-def nested(levels: int) -> str:
+def nested_lists(levels: int) -> str:
     return "[" * levels + "]" * levels
 
 
@@ -72,7 +72,7 @@ def request_of(tmp_path_factory: pytest.TempPathFactory):
             image_ids=(),
             load_time_limit_s=None,
             time_limit_s=None,
-            confined=confine_baseline(card, "weights.bin", "limits", offline=True),
+            confinement=confine_baseline(card, "weights.bin", "limits", offline=True),
         )
 
     return made
@@ -141,12 +141,12 @@ def records_of(
         ('{"image_id": 1, "predictions": [], "counts": {"n": 1e999}}\n', "number out of range"),
         (line(image_id=1, failed="\ud800"), "half of a surrogate pair"),
         (line(image_id=1, predictions=[], counts={"\udfff": 1}), "half of a surrogate pair"),
-        (f'{{"image_id": 1, "predictions": {nested(200)}}}\n', "nested beyond 32 levels"),
+        (f'{{"image_id": 1, "predictions": {nested_lists(200)}}}\n', "nested beyond 32 levels"),
         (f'{{"image_id": 1, "predictions": [{10**30}]}}\n', "more than 64 bits"),
         (f'{{"image_id": 1, "predictions": [{"9" * 5000}]}}\n', "more than 64 bits"),
         (f'{{"image_id": {"9" * 5000}, "predictions": []}}\n', "more than 64 bits"),
         (f'{{"image_id": 1, "predictions": [-{"9" * 5000}.5]}}\n', "number out of range"),
-        (f'{{"image_id": 1, "predictions": {nested(100_000)}}}\n', "nested too deeply"),
+        (f'{{"image_id": 1, "predictions": {nested_lists(100_000)}}}\n', "nested too deeply"),
         (line(image_id=1, predictions=[], counts=["a"]), "got array at $.counts"),
         (
             line(image_id=1, predictions=[], counts={"a": "b"}),
@@ -230,7 +230,7 @@ def test_a_strange_line_costs_no_image(request_of, strange):
     ("first", "words"),
     [
         ('{"provenance": {"seed": NaN}}\n', "first line .* cannot be used.*NaN, infinity"),
-        (f'{{"provenance": {nested(100_000)}}}\n', "first line .* nested too deeply"),
+        (f'{{"provenance": {nested_lists(100_000)}}}\n', "first line .* nested too deeply"),
         (line(provenance={"model": "\ud800"}), "first line .* half of a surrogate pair"),
         (
             line(provenance=[]),
@@ -312,7 +312,7 @@ LINES = st.lists((ANSWERS | VALUES).map(lambda v: json.dumps(v) + "\n"), max_siz
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(task=st.sampled_from(["coco", "lvis", "eth3d"]), lines=LINES)
 @example(task="coco", lines=[line(image_id=True, predictions=[])])
-@example(task="lvis", lines=[line(working_on=[1, 2]), f'{{"a": {nested(5000)}}}\n'])
+@example(task="lvis", lines=[line(working_on=[1, 2]), f'{{"a": {nested_lists(5000)}}}\n'])
 def test_any_answers_end_in_rows(request_of, task, lines):
     """Or in an error about an image that was not asked for."""
     try:
@@ -345,7 +345,7 @@ def test_a_message_is_what_every_file_can_hold(value):
 
 def test_nesting_is_bounded_where_it_says():
     def levels(n: int) -> str:  # the object is the first level
-        return '{"a": ' + nested(n - 1) + "}\n"
+        return '{"a": ' + nested_lists(n - 1) + "}\n"
 
     assert isinstance(read_line(levels(MOST_LEVELS)), Message)
     assert isinstance(read_line(levels(MOST_LEVELS + 1)), Unreadable)
@@ -393,7 +393,7 @@ def test_a_baseline_without_a_network_is_told_so(bubblewrap, network, offline, m
     held = SimpleNamespace(bubblewrap=bubblewrap, network=network)
     card: Any = SimpleNamespace(shared_path="/shared")
     request: Any = SimpleNamespace(offline=offline)
-    found = child._environment(card, sandbox, SimpleNamespace(held=held), [], request)  # type: ignore[arg-type]
+    found = child._environment(card, sandbox, SimpleNamespace(protections=held), [], request)  # type: ignore[arg-type]
     without = offline or (bubblewrap is not None and not network)
     assert (found.get("HF_HUB_OFFLINE"), found.get("TRANSFORMERS_OFFLINE")) == (
         ("1", "1") if without else (None, None)
@@ -415,7 +415,7 @@ def test_a_baseline_draws_its_progress_on_a_terminal_alone(terminal, monkeypatch
     held = SimpleNamespace(bubblewrap=None, network=True)
     card: Any = SimpleNamespace(shared_path="/shared")
     request: Any = SimpleNamespace(offline=False)
-    found = child._environment(card, sandbox, SimpleNamespace(held=held), [], request)  # type: ignore[arg-type]
+    found = child._environment(card, sandbox, SimpleNamespace(protections=held), [], request)  # type: ignore[arg-type]
     progress = {} if terminal else {"HF_HUB_DISABLE_PROGRESS_BARS": "1"}
     assert found == {
         "PYTHONPATH": "/shared", "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1",

@@ -356,7 +356,7 @@ def start_and_kill(
     arguments: list[str], *, after: int, there: Path | None = None
 ) -> subprocess.Popen[str]:
     """Kill the command with -9 when its journal has some lines and the file `there` is there."""
-    process = paused.started([*arguments, "-q"], "row", after)
+    process = paused.start_paused([*arguments, "-q"], "row", after)
     until(lambda: there is None or there.is_file(), f"{there}")
     process.kill()
     process.communicate()

@@ -71,7 +71,7 @@ def spy(folder: Path, body: str) -> Path:
     return folder
 
 
-def prepared(folder: Path, names: list[str] = NAMES) -> tuple[Path, Path, Path]:
+def write_track(folder: Path, names: list[str] = NAMES) -> tuple[Path, Path, Path]:
     """A track, its photos in a folder of their own, and weights."""
     photos = make_photos(folder / "photos", names)
     weights = folder / "weights.bin"
@@ -102,7 +102,7 @@ def test_a_program_sees_what_it_needs_and_nothing_else(tmp_path, monkeypatch):
 
     bubblewrap_or_skip()
     monkeypatch.setenv("SOME_TOKEN", SECRET)
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_track(tmp_path)
     secret = photos / "gt.json"
     secret.write_text("{}")
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -136,7 +136,7 @@ def test_the_network_is_there_for_a_card_that_downloads_its_weights(tmp_path, mo
 
     bubblewrap_or_skip()
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "hub"))
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_track(tmp_path)
     body = """
     (Path(os.environ["HF_HUB_CACHE"]) / "blob").write_text("x")
     return {"predictions": [], "counts": {"network": tried(
@@ -165,7 +165,7 @@ def test_the_network_is_there_for_a_card_that_downloads_its_weights(tmp_path, mo
 
 def test_a_program_that_writes_into_its_run_is_named(tmp_path, capfd):
     """Without bubblewrap it can: the run says what has happened to its journal."""
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_track(tmp_path)
     body = """
     if image["image_id"] == 2:
         while not tried(lambda: b"\\n" in Path(given).read_bytes()):
@@ -189,7 +189,7 @@ DEPTH = "return write_depth(request, image, np.ones((48, 64), np.float32), 'disp
 
 
 def test_depth_is_taken_from_the_programs_own_folder(tmp_path, confinement):
-    track, photos, weights = prepared(tmp_path, ["a/images/dslr_images/001.JPG"])
+    track, photos, weights = write_track(tmp_path, ["a/images/dslr_images/001.JPG"])
     arguments = run_arguments(
         track, photos, weights, tmp_path / "run", "--sandbox", confinement, task="eth3d",
         baseline=spy(tmp_path / "spy", DEPTH),
@@ -203,7 +203,7 @@ def test_depth_is_taken_from_the_programs_own_folder(tmp_path, confinement):
 
 
 def test_a_link_in_the_place_of_depth_is_refused(tmp_path, confinement):
-    track, photos, weights = prepared(tmp_path, ["a/images/dslr_images/001.JPG"])
+    track, photos, weights = write_track(tmp_path, ["a/images/dslr_images/001.JPG"])
     body = """
     answer = write_depth(request, image, np.ones((48, 64), np.float32), "disparity", None)
     written = Path(request["output"]) / answer["depth"]["file"]
@@ -223,7 +223,7 @@ def test_a_link_in_the_place_of_depth_is_refused(tmp_path, confinement):
 
 def test_an_array_written_at_once_outlives_the_deletion_of_earlier_ones(tmp_path):
     """--overwrite deletes when the model has loaded: the program writes nothing before."""
-    track, photos, weights = prepared(tmp_path, ["a/images/dslr_images/001.JPG"])
+    track, photos, weights = write_track(tmp_path, ["a/images/dslr_images/001.JPG"])
     program = spy(tmp_path / "spy", DEPTH)
     arguments = run_arguments(
         track, photos, weights, tmp_path / "run", task="eth3d", baseline=program
@@ -248,7 +248,7 @@ def of_this_run(folder: Path) -> list[str]:
 
 def test_nothing_outlives_a_killed_legoworld(tmp_path, confinement):
     """Nor what left its group and its session."""
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_track(tmp_path)
     program = spy(
         tmp_path / "spy",
         """
@@ -264,7 +264,7 @@ def test_nothing_outlives_a_killed_legoworld(tmp_path, confinement):
     arguments = run_arguments(
         track, photos, weights, tmp_path / "run", "--sandbox", confinement, baseline=program
     )
-    process = paused.started([*arguments, "-q"], "row", 1)
+    process = paused.start_paused([*arguments, "-q"], "row", 1)
     run = tmp_path / "run"
     until(lambda: [*run.glob(".legoworld-baseline-*/output/begun")], "the second photo")
     assert len(of_this_run(weights)) >= 2

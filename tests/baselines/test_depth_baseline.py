@@ -11,7 +11,7 @@ from baselines.tracks import call, make_photos, make_track, results, rows, run_a
 NAMES = [f"hall/images/dslr_images/{name}.JPG" for name in "ABC"]
 
 
-def prepared(tmp_path: Path) -> tuple[Path, Path, Path]:
+def write_inputs(tmp_path: Path) -> tuple[Path, Path, Path]:
     photos = make_photos(tmp_path / "photos", NAMES)
     weights = tmp_path / "w.bin"
     weights.write_bytes(b"w")
@@ -19,7 +19,7 @@ def prepared(tmp_path: Path) -> tuple[Path, Path, Path]:
 
 
 def test_depth_files_are_read_back_and_scored(tmp_path):
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_inputs(tmp_path)
     run = tmp_path / "run"
     assert call(run_arguments(track, photos, weights, run, task="eth3d")) == 0
     row = rows(run)[1]
@@ -42,7 +42,7 @@ def test_depth_files_are_read_back_and_scored(tmp_path):
 
 
 def test_a_file_that_was_tampered_with_is_made_again(tmp_path):
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_inputs(tmp_path)
     run = tmp_path / "run"
     arguments = run_arguments(track, photos, weights, run, task="eth3d")
     assert call(arguments) == 0
@@ -54,7 +54,7 @@ def test_a_file_that_was_tampered_with_is_made_again(tmp_path):
 
 
 def test_overwriting_begins_once_whatever_crashes(tmp_path):
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_inputs(tmp_path)
     run = tmp_path / "run"
     assert call(run_arguments(track, photos, weights, run, task="eth3d")) == 0
     before = results(run)
@@ -66,7 +66,7 @@ def test_overwriting_begins_once_whatever_crashes(tmp_path):
 
 
 def test_a_file_the_baseline_did_not_speak_of_is_a_failure(tmp_path):
-    track, photos, weights = prepared(tmp_path)
+    track, photos, weights = write_inputs(tmp_path)
     options = ["--option", "how=lie", "--option", "at=2"]
     run = tmp_path / "run"
     assert call(run_arguments(track, photos, weights, run, *options, task="eth3d")) == 1

@@ -34,7 +34,7 @@ def track(tmp_path: Path) -> Path:
     return path
 
 
-def evaluated(folder: Path, track: Path, name: str, declared: list[object]) -> Path:
+def import_and_evaluate(folder: Path, track: Path, name: str, declared: list[object]) -> Path:
     """The evaluation of a folder of depth, imported with these options."""
     run, output = folder / f"{name}-run", folder / f"{name}-eval"
     source = ["baseline", "import", folder / name, "--task", "eth3d", "--track", track]
@@ -62,7 +62,8 @@ def test_every_command_reads_it(quantity, track, tmp_path, capfd):
         given += ["--intrinsics", tmp_path / "camera.json"]
     metric = ["--space", "depth", "--unit", "m"]
     scene, theirs = (
-        evaluated(tmp_path, track, *made) for made in (("scene", metric), ("depths", given))
+        import_and_evaluate(tmp_path, track, *made)
+        for made in (("scene", metric), ("depths", given))
     )
     scored = [row for row in rows(theirs).values() if row["status"] == "ok"]
     assert {(row["space"], row["unit"]) for row in scored} == {in_evaluation}

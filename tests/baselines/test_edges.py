@@ -45,7 +45,7 @@ def image(number: int, name: str, size_wh: Any = (64, 48)) -> TrackImage:
 IMAGES = [image(139, "val/a.jpg"), image(285, "val/b.jpg"), image(632, "test/b.jpg")]
 
 
-def placed(*entries: dict[str, Any], infos: Any = (), subset: bool = False, images: Any = IMAGES):
+def match(*entries: dict[str, Any], infos: Any = (), subset: bool = False, images: Any = IMAGES):
     found = place(entries, {info["id"]: info for info in infos}, images, subset=subset)
     return [entry.get("image_id") for entry in found.entries], found.by, found.left_out
 
@@ -60,10 +60,10 @@ def placed(*entries: dict[str, Any], infos: Any = (), subset: bool = False, imag
 )  # fmt: skip
 def test_a_photo_is_known_by_its_path_its_name_or_its_id(name, number):
     if number is not None:
-        assert placed({"image_id": name}) == ([number], "file_names", 0)
+        assert match({"image_id": name}) == ([number], "file_names", 0)
         return
     with pytest.raises(PhotosUnmatchedError, match="1 of 1 prediction is of images outside"):
-        placed({"image_id": name})
+        match({"image_id": name})
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_ten_ids_without_a_gap_from_0_or_1_are_positions(ids, refused):
     entries = [{"image_id": n} for n in ids]
     strict = "look like positions" if refused else "of images outside the track"
     with pytest.raises(PhotosUnmatchedError, match=strict) as caught:
-        placed(*entries)
+        match(*entries)
     if refused:
         first = min(ids)
         assert caught.value.found == f"ids {first} to {first + 9} without a gap"
@@ -97,16 +97,16 @@ def test_ten_ids_without_a_gap_from_0_or_1_are_positions(ids, refused):
 
 def test_results_of_other_photos_are_left_out_where_that_was_asked_for():
     ours, other = {"image_id": 139}, {"image_id": 7}
-    assert placed(ours, other, subset=True) == ([139], "ids", 1)
+    assert match(ours, other, subset=True) == ([139], "ids", 1)
     with pytest.raises(PhotosUnmatchedError, match="pass --subset to leave them out"):
-        placed(ours, other)
+        match(ours, other)
     with pytest.raises(PhotosUnmatchedError, match="with its image ids or file names"):
-        placed(other, subset=True)
+        match(other, subset=True)
     with pytest.raises(PhotosUnmatchedError, match="under the track's file names"):
-        placed({"file_name": "z.jpg"}, subset=True)
+        match({"file_name": "z.jpg"}, subset=True)
     with pytest.raises(PhotosUnmatchedError, match="if not, pass --subset"):
-        placed(ours, {"file_name": "train/a.jpg"})
-    assert placed({"image_id": 1.5}, {"image_id": True}) == ([1.5, True], "ids", 0)
+        match(ours, {"file_name": "train/a.jpg"})
+    assert match({"image_id": 1.5}, {"image_id": True}) == ([1.5, True], "ids", 0)
 
 
 def test_the_file_s_own_images_are_of_the_track_s_sizes_and_each_once():
@@ -114,16 +114,16 @@ def test_the_file_s_own_images_are_of_the_track_s_sizes_and_each_once():
         return {"id": number, "file_name": name, **size}
 
     one = {"image_id": 1}
-    assert placed(one, infos=[info(1, "a.jpg", width=64, height=48)])[0] == [139]
-    assert placed(one, infos=[info(1, "a.jpg", width=64)])[0] == [139]
-    assert placed(one, infos=[info(1, "a.jpg", width=3, height=4)],
+    assert match(one, infos=[info(1, "a.jpg", width=64, height=48)])[0] == [139]
+    assert match(one, infos=[info(1, "a.jpg", width=64)])[0] == [139]
+    assert match(one, infos=[info(1, "a.jpg", width=3, height=4)],
                   images=[image(139, "a.jpg", None)])[0] == [139]  # fmt: skip
     with pytest.raises(PhotosUnmatchedError, match="expected: 64x48, as in the track"):
-        placed(one, infos=[info(1, "a.jpg", width=48, height=64)])
+        match(one, infos=[info(1, "a.jpg", width=48, height=64)])
     with pytest.raises(PhotosUnmatchedError, match=r"'a\.jpg' and 'val/a\.jpg' for image 139"):
-        placed(one, infos=[info(1, "a.jpg"), info(2, "val/a.jpg")])
+        match(one, infos=[info(1, "a.jpg"), info(2, "val/a.jpg")])
     with pytest.raises(PhotosUnmatchedError, match="outside the track"):
-        placed({"image_id": 139}, infos=[info(1, "b.jpg")])  # named, so 139 is the file's own id
+        match({"image_id": 139}, infos=[info(1, "b.jpg")])  # named, so 139 is the file's own id
 
 
 WIDE = {1: (100, 50)}
@@ -303,7 +303,7 @@ def test_a_command_that_fails_is_told_with_the_end_of_what_it_said(monkeypatch):
 CAMERA = CameraSaid(width=64, height=48, fx=1.0, fy=2.0, cx=3.0, cy=4.0)
 
 
-def asked(options: Any = None, limit_s: float | None = None) -> Any:
+def request(options: Any = None, limit_s: float | None = None) -> Any:
     card = SimpleNamespace(
         name="net", about=SimpleNamespace(version="2"), sha256="s", code_sha256=lambda: "code"
     )
@@ -330,7 +330,7 @@ class Talking:
 def test_a_provider_s_answer_is_the_line_about_the_photo():
     answer = Message(image_id=1, camera=CAMERA)
     other = replace(answer, image_id=2)
-    assert photo_provider._answer(Talking(Message(), other, answer), asked()) is answer  # type: ignore[arg-type]
+    assert photo_provider._answer(Talking(Message(), other, answer), request()) is answer  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -346,7 +346,7 @@ def test_a_provider_s_answer_is_the_line_about_the_photo():
 )
 def test_a_provider_without_an_answer_says_why(said, limit_s, found):
     with pytest.raises(photo_provider.ProviderFailedError) as caught:
-        photo_provider._answer(Talking(said), asked(limit_s=limit_s))  # type: ignore[arg-type]
+        photo_provider._answer(Talking(said), request(limit_s=limit_s))  # type: ignore[arg-type]
     assert caught.value.found == found
     assert caught.value.what == "net has no camera for the photo"
     hint = "SIGKILL" if said is None else "pass --fov, or --camera"
@@ -363,19 +363,19 @@ def test_a_provider_s_depth_is_the_file_that_it_spoke_of(tmp_path):
             path.parent.mkdir(parents=True)
             path.write_bytes(content)
         with pytest.raises(photo_provider.ProviderFailedError, match=found):
-            photo_provider._depth(asked(), said, photo, tmp_path)
+            photo_provider._depth(request(), said, photo, tmp_path)
     path.write_bytes(b"depth")
-    given = photo_provider._depth(asked(), said, photo, tmp_path)
+    given = photo_provider._depth(request(), said, photo, tmp_path)
     assert (given.path, given.space, given.source, given.of_photo) == (
         path, "disparity", "net 2", True,
     )  # fmt: skip
     with pytest.raises(photo_provider.ProviderFailedError, match="depth of space ray; expected: d"):
-        photo_provider._depth(asked(), replace(said, space="ray"), photo, tmp_path)
+        photo_provider._depth(request(), replace(said, space="ray"), photo, tmp_path)
 
 
 def test_what_a_provider_was_is_on_record():
     hello = Message(provenance={"weights": []}, environment={"torch": "2"})
-    record = photo_provider._record(asked({"how": "well"}), hello, {"frames": 3})
+    record = photo_provider._record(request({"how": "well"}), hello, {"frames": 3})
     assert (record.name, record.version, record.card_sha256, record.code_sha256) == (
         "net", "2", "s", "code",
     )  # fmt: skip
@@ -383,7 +383,7 @@ def test_what_a_provider_was_is_on_record():
     assert (record.provenance, record.environment, record.counts) == (
         {"weights": []}, {"torch": "2"}, {"frames": 3},
     )  # fmt: skip
-    assert photo_provider._record(asked(), Message(), {}).provenance == {}
+    assert photo_provider._record(request(), Message(), {}).provenance == {}
 
 
 def test_a_share_of_boxes_may_leave_their_images():

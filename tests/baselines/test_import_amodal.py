@@ -9,21 +9,21 @@ from evaluation.amodal_runs import random_stacks
 from evaluation.detection_runs import write_run, write_truth
 
 
-def written(path, document):
+def write_json(path, document):
     path.write_text(json.dumps(document))
     return path
 
 
-def imported(folder, truth, entries, name="run"):
+def import_entries(folder, truth, entries, name="run"):
     track = {"info": {}, "images": truth["images"], "categories": truth["categories"]}
-    arguments = ["--task", "amodal", "--track", written(folder / "track.json", track)]
-    source = written(folder / "results.json", entries)
+    arguments = ["--task", "amodal", "--track", write_json(folder / "track.json", track)]
+    source = write_json(folder / "results.json", entries)
     arguments += ["--category-ids", "dataset", "-o", folder / name]
     assert call(["baseline", "import", source, *arguments]) == 0
     return folder / name
 
 
-def evaluated(run, truth_path, output):
+def evaluate_run(run, truth_path, output):
     assert call(["evaluate", run, "--truth", truth_path, "-o", output, "--draws", "5"]) == 0
     assert call(["evidence", "verify", output]) == 0
     return json.loads((output / "summary.json").read_text())
@@ -36,8 +36,10 @@ def test_an_import_scores_as_the_results_do(tmp_path):
         entry["inmodal_seg"] = entry.pop("visible_mask")
         entry["bbox"] = [0, 0, 1, 1]
     file = write_truth(tmp_path / "truth.json", truth)
-    summary = evaluated(imported(tmp_path, truth, kins), file, tmp_path / "eval")
-    own = evaluated(write_run(tmp_path / "own", "amodal", truth, results), file, tmp_path / "again")
+    summary = evaluate_run(import_entries(tmp_path, truth, kins), file, tmp_path / "eval")
+    own = evaluate_run(
+        write_run(tmp_path / "own", "amodal", truth, results), file, tmp_path / "again"
+    )
     for key in ("official", "amodal", "matched"):
         assert summary[key] == own[key]
     kept = json.loads((tmp_path / "run" / "predictions.json").read_text())
@@ -49,8 +51,8 @@ def test_polygons_of_both_masks_are_filled(tmp_path):
     entry = {"image_id": 7, "category_id": 5, "score": 0.5,
              "segmentation": [[10, 10, 50, 10, 50, 50, 10, 50]],
              "visible_mask": [[10, 10, 30, 10, 30, 50, 10, 50]]}  # fmt: skip
-    run = imported(tmp_path, truth, [entry])
-    summary = evaluated(run, write_truth(tmp_path / "truth.json", truth), tmp_path / "eval")
+    run = import_entries(tmp_path, truth, [entry])
+    summary = evaluate_run(run, write_truth(tmp_path / "truth.json", truth), tmp_path / "eval")
     assert summary["amodal"]["controls"].keys() == {"visible_mask", "convex_hull"}
 
 
@@ -61,8 +63,8 @@ def test_a_comparison_tells_what_ap_hides(tmp_path, capsys):
         {k: a[k] for k in ("image_id", "category_id", "segmentation", "visible_mask")}
         | {"score": 1.0} for a in truth["annotations"]])  # fmt: skip
     flat = [{**entry, "segmentation": entry["visible_mask"]} for entry in results]
-    evaluated(scene, file, tmp_path / "a")
-    evaluated(imported(tmp_path, truth, flat), file, tmp_path / "b")
+    evaluate_run(scene, file, tmp_path / "a")
+    evaluate_run(import_entries(tmp_path, truth, flat), file, tmp_path / "b")
     arguments = ["compare", tmp_path / "a", tmp_path / "b", "-o", tmp_path / "c", "--draws", "50"]
     assert call(arguments) == 0
     capsys.readouterr()

@@ -51,7 +51,7 @@ def write_pfm(path: Path, values) -> None:
     path.write_bytes(header + values[::-1].astype("<f4").tobytes())
 
 
-def stored(run: Path, stem: str = STEMS[0]) -> dict:
+def load_depth(run: Path, stem: str = STEMS[0]) -> dict:
     with np.load(run / "depth" / f"{stem}.npz") as arrays:
         return {name: arrays[name] for name in arrays.files}
 
@@ -69,7 +69,7 @@ def test_float_formats_come_back_bit_for_bit(bring, source, suffix):
         WRITERS[suffix](source / f"{stem}{suffix}")
     code, run, _ = bring("--space", "depth", "--unit", "m")
     assert code == 0
-    found = stored(run)
+    found = load_depth(run)
     assert (str(found["space"]), str(found["unit"])) == ("depth", "m")
     assert found["values"].dtype == np.float32
     assert np.array_equal(found["values"], DEPTH)
@@ -98,7 +98,7 @@ def test_exr(bring, source):
         openexr.File({"type": openexr.scanlineimage}, {"Z": DEPTH}).write(f"{source}/{stem}.exr")
     code, run, _ = bring("--space", "depth", "--unit", "m")
     assert code == 0
-    assert np.array_equal(stored(run)["values"], DEPTH)
+    assert np.array_equal(load_depth(run)["values"], DEPTH)
 
 
 def test_png_in_millimetres_is_metres(bring, source):
@@ -107,8 +107,8 @@ def test_png_in_millimetres_is_metres(bring, source):
         cv2.imwrite(f"{source}/{stem}.png", millimetres)
     code, run, _ = bring("--space", "depth", "--unit", "mm")
     assert code == 0
-    assert np.array_equal(stored(run)["values"], millimetres / 1000.0)
-    assert str(stored(run)["unit"]) == "m"
+    assert np.array_equal(load_depth(run)["values"], millimetres / 1000.0)
+    assert str(load_depth(run)["unit"]) == "m"
     code, _, said = bring("--space", "depth", name="unitless")
     assert code == 2
     assert "integers without a declared unit" in said
@@ -149,7 +149,7 @@ def test_ray_distance_becomes_planar_depth(bring, source, tmp_path):
     assert "no intrinsics" in said
     code, run, _ = bring(*given, "--intrinsics", camera(tmp_path / "camera.json"))
     assert code == 0
-    found = stored(run)
+    found = load_depth(run)
     assert str(found["space"]) == "depth"
     finite = np.isfinite(found["values"])
     assert finite.sum() == 48 * 64 - 1
@@ -288,9 +288,9 @@ def test_intrinsics_by_photo(bring, source, tmp_path):
     path.write_text(json.dumps({NAMES[0]: one, NAMES[1]: {**one, "cx": 0.5}}))
     code, run, _ = bring("--space", "ray_distance", "--unit", "m", "--intrinsics", path)
     assert code == 0
-    assert stored(run, STEMS[0])["values"][24, 32] == 2.0
-    assert stored(run, STEMS[1])["values"][24, 0] == 2.0
-    assert stored(run, STEMS[1])["values"][24, 32] == pytest.approx(2 / np.hypot(1, 0.5))
+    assert load_depth(run, STEMS[0])["values"][24, 32] == 2.0
+    assert load_depth(run, STEMS[1])["values"][24, 0] == 2.0
+    assert load_depth(run, STEMS[1])["values"][24, 32] == pytest.approx(2 / np.hypot(1, 0.5))
 
 
 def test_an_absent_file_is_a_missing_image(bring, source):
@@ -341,7 +341,7 @@ def test_the_same_import_again_is_the_same_bytes_and_a_changed_file_is_read_agai
     assert {p: p.stat().st_mtime_ns for p in run.rglob("*.npz")} == times
     np.save(source / f"{STEMS[1]}.npy", DEPTH + 1)
     bring("--space", "depth", "--unit", "m")
-    assert np.array_equal(stored(run, STEMS[1])["values"], DEPTH + 1)
+    assert np.array_equal(load_depth(run, STEMS[1])["values"], DEPTH + 1)
     assert results(run)[f"depth/{STEMS[0]}.npz"] == before[f"depth/{STEMS[0]}.npz"]
 
 

@@ -185,17 +185,19 @@ def test_an_infinite_score_is_refused(bring, track, tmp_path, capfd):
     assert "no usable score" in capfd.readouterr().err
 
 
-def named(name: str, **more) -> dict:
+def named_entry(name: str, **more) -> dict:
     return {"image_id": 1, "category_name": name, "bbox": BOX, "score": 0.5, **more}
 
 
 def test_names_win_over_ids(bring):
-    _, folder, _ = bring([named("Potted_Plant", category_id=18), named("motorbike")])
+    _, folder, _ = bring([named_entry("Potted_Plant", category_id=18), named_entry("motorbike")])
     assert [p["category_id"] for p in predictions(folder)] == [64, 4]
 
 
 def test_the_six_old_names_are_known(bring):
-    code, folder, _ = bring([named("motorbike"), named("sofa"), named("pottedplant")])
+    code, folder, _ = bring(
+        [named_entry("motorbike"), named_entry("sofa"), named_entry("pottedplant")]
+    )
     assert code == 0
     assert [p["category_id"] for p in predictions(folder)] == [4, 63, 64]
 
@@ -212,7 +214,7 @@ def test_categories_of_the_file_itself(bring):
 def test_a_label_map_by_name_by_id_and_to_nothing(bring, tmp_path):
     names = tmp_path / "names.json"
     names.write_text(json.dumps({"doggy": "dog", "7": "Couch", "zebra": None}))
-    given = [named("doggy"), box(1, 7), named("zebra"), named("zebra")]
+    given = [named_entry("doggy"), box(1, 7), named_entry("zebra"), named_entry("zebra")]
     code, folder, said = bring(given, "--label-map", names)
     assert code == 0
     assert [p["category_id"] for p in predictions(folder)] == [18, 63]
@@ -221,7 +223,7 @@ def test_a_label_map_by_name_by_id_and_to_nothing(bring, tmp_path):
 
 
 def test_unmapped_names_come_with_the_nearest(bring):
-    code, _, said = bring([named("dogs"), named("motor cycle"), named("unicorn")])
+    code, _, said = bring([named_entry("dogs"), named_entry("motor cycle"), named_entry("unicorn")])
     assert code == 2
     assert "3 labels name no category" in said
     assert "'dogs' (near: dog)" in said
@@ -231,7 +233,7 @@ def test_unmapped_names_come_with_the_nearest(bring):
 
 @pytest.mark.parametrize(("n", "more"), [(6, ""), (7, ", ...")])
 def test_six_unmapped_names_are_listed(bring, n, more):
-    code, _, said = bring([named(f"q{k}") for k in range(n)])
+    code, _, said = bring([named_entry(f"q{k}") for k in range(n)])
     assert code == 2
     listed = ", ".join(f"'q{k}'" for k in range(6))
     assert f"{n} labels name no category; found: {listed}{more}; expected" in said

@@ -50,7 +50,7 @@ def bring(tmp_path, capfd):
     return go
 
 
-def imported(tmp_path):
+def import_record(tmp_path):
     return run_document(tmp_path / "run")["configuration"]["imported"]
 
 
@@ -60,7 +60,7 @@ def box(image_id, category_id=1, bbox=BOX, score=0.5, **more):
     }  # fmt: skip
 
 
-def renumbered(names=NAMES, **more):
+def renumber_truth(names=NAMES, **more):
     """A whole COCO JSON as exporters write it: images from 1 in an order of their own."""
     images = [
         {"id": n, "file_name": name, "width": SIZE_WH[0], "height": SIZE_WH[1], **more}
@@ -82,20 +82,20 @@ def ids(predictions):
 @pytest.mark.parametrize("folder", ["", "val2017/", "data\\"])
 def test_a_whole_coco_file_is_matched_by_file_name(bring, tmp_path, options, folder):
     """Its ids are of its own images: taken for the track's they put boxes on other photos."""
-    code, found, said = bring(renumbered([folder + name for name in NAMES]), *options)
+    code, found, said = bring(renumber_truth([folder + name for name in NAMES]), *options)
     assert code == 0
     assert [(p["image_id"], p["bbox"][0]) for p in found] == list(
         zip(IDS, (4, 3, 2, 1, 0), strict=True)
     )
     assert {p["category_id"] for p in found} == {24}  # the zebra of the file's categories, id 0
     assert "images are matched by file name" in said
-    assert imported(tmp_path)["image_ids"] == "file_names"
-    assert imported(tmp_path)["category_ids"] == "names"
+    assert import_record(tmp_path)["image_ids"] == "file_names"
+    assert import_record(tmp_path)["category_ids"] == "names"
 
 
 def test_ids_of_renumbered_images_never_reach_other_photos(bring):
     """Ids 139 and 285 are photos of the track and other photos in the file."""
-    document = renumbered([f"other{n}.jpg" for n in range(4)] + [NAMES[4]])
+    document = renumber_truth([f"other{n}.jpg" for n in range(4)] + [NAMES[4]])
     for entry, own in zip(document["images"], IDS, strict=True):
         for result in document["annotations"]:
             result["image_id"] = own if result["image_id"] == entry["id"] else result["image_id"]
@@ -114,7 +114,7 @@ def test_ids_of_renumbered_images_never_reach_other_photos(bring):
 
 @pytest.mark.parametrize("options", [(), ("--subset",)])
 def test_subset_is_no_advice_where_all_names_disagree(bring, options):
-    code, _, said = bring(renumbered([f"other{n}.jpg" for n in range(5)]), *options)
+    code, _, said = bring(renumber_truth([f"other{n}.jpg" for n in range(5)]), *options)
     assert code == 2
     assert "5 of 5 predictions are of images outside the track" in said
     assert "'other4.jpg'" in said
@@ -123,7 +123,7 @@ def test_subset_is_no_advice_where_all_names_disagree(bring, options):
 
 
 def test_the_files_own_images_have_to_hold_its_results(bring):
-    document = renumbered()
+    document = renumber_truth()
     document["annotations"][0]["image_id"] = 77
     code, _, said = bring(document)
     assert code == 2
@@ -132,10 +132,10 @@ def test_the_files_own_images_have_to_hold_its_results(bring):
 
 def test_two_images_of_one_photo_and_resized_images_are_refused(bring):
     names = ["a/000000000139.jpg", "b/000000000139.jpg", *NAMES[2:]]
-    code, _, said = bring(renumbered(names), "--subset")
+    code, _, said = bring(renumber_truth(names), "--subset")
     assert code == 2
     assert "two of the file's images are one photo of the track" in said
-    code, _, said = bring(renumbered(width=640, height=480))
+    code, _, said = bring(renumber_truth(width=640, height=480))
     assert code == 2
     assert "5 of the file's images have another size than the track's" in said
     first = NAMES[-1]
@@ -197,7 +197,7 @@ def test_declared_numberings(bring, tmp_path, option, first):
     assert [(p["category_id"], p["bbox"][0]) for p in found] == [
         (own, k / 2) for k, own in enumerate(own_ids())
     ]
-    assert imported(tmp_path)["category_ids"] == option
+    assert import_record(tmp_path)["category_ids"] == option
     assert "80 categories: person 1, bicycle 1," in said
 
 
@@ -245,7 +245,7 @@ def test_ids_that_fit_two_numberings_are_asked_about(bring, tmp_path):
     assert code == 0
     assert [p["category_id"] for p in found] == [1, 1, 1, 3, 18, 62]
     assert "as dataset: person 3, car 1, dog 1, ...; they would fit --category-ids" in said
-    assert imported(tmp_path)["category_ids"] == "dataset"
+    assert import_record(tmp_path)["category_ids"] == "dataset"
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,7 @@ def test_a_declared_numbering_leaves_names_alone(bring, tmp_path):
     _, found, said = bring(given, "--category-ids", "coco80-0")
     assert [p["category_id"] for p in found] == [18]
     assert "the file names its categories: --category-ids coco80-0 is not used" in said
-    assert imported(tmp_path)["category_ids"] == "names"
+    assert import_record(tmp_path)["category_ids"] == "names"
 
 
 OUTPUT = {"boxes": [[1.0, 2.0, 11.0, 22.0], [3.0, 4.0, 13.0, 24.0]], "labels": [18, 1],
@@ -335,7 +335,7 @@ def test_torchvisions_outputs_are_corners_in_their_order(bring, tmp_path, docume
         box(139, 18, [1.0, 2.0, 10.0, 20.0], 0.5),
         box(139, 1, [3.0, 4.0, 10.0, 20.0], 0.25),
     ]
-    assert imported(tmp_path)["box_format"] == "xyxy"
+    assert import_record(tmp_path)["box_format"] == "xyxy"
 
 
 @pytest.mark.parametrize(
@@ -388,7 +388,7 @@ def test_fractions_are_no_ids(bring, key, value):
     code, _, said = bring([box(139, 90), {**box(139, 90), key: value}])
     assert code == 2
     assert len(said.strip().splitlines()) == 1
-    assert f"the {key} of a result that is no whole number; found: {value}" in said
+    assert f"a result whose {key} is not an integer; found: {value}" in said
 
 
 def test_outputs_of_one_image_on_one_line(bring):
@@ -508,7 +508,7 @@ def test_one_base_name_in_two_folders_is_two_photos(bring):
 
 
 def test_an_id_that_the_files_own_images_lack_is_no_photo_of_the_track(bring):
-    document = renumbered()
+    document = renumber_truth()
     document["images"] = document["images"][:1]
     stray = dict(document["annotations"][0], image_id=IDS[1])
     document["annotations"] = [

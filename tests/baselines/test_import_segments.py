@@ -29,7 +29,7 @@ def theirs(tmp_path):
     return write_panoptic(tmp_path / "theirs.json", {1: PICTURE, 2: PICTURE}, truth=False)
 
 
-def imported(theirs, *more, code=0):
+def import_segments(theirs, *more, code=0):
     folder = theirs.parent
     words = ("--task", "coco-panoptic", "--track", folder / "track.json", "-o", folder / "run")
     call("baseline", "import", theirs, *words, *more, code=code)
@@ -61,7 +61,7 @@ def change(theirs, how):
 
 
 def test_ids_of_others_are_kept_and_areas_are_counted(theirs):
-    rows = imported(theirs)
+    rows = import_segments(theirs)
     assert [s["id"] for s in rows[0]["segments"]] == [1, 2]
     assert rows[0]["segments"][1] == {
         "id": 2, "category_id": WALL, "area": 3, "bbox": [0, 0, 3, 2], "iscrowd": 0,
@@ -75,11 +75,11 @@ def test_ids_of_others_are_kept_and_areas_are_counted(theirs):
     [("png alone", "invalid", "segments that are not in the JSON file; found: id 2 on 3 pixels"),
      ("json alone", "invalid", "found: segment 8 in the JSON file alone"),
      ("category", "invalid", "category 26"), ("size", "invalid", "another size than its image"),
-     ("image", "missing", "no segments of the photo")],
+     ("image", "missing", "no segments for this photo")],
 )  # fmt: skip
 def test_an_image_that_cannot_be_scored_is_a_row(theirs, how, status, said):
     change(theirs, how)
-    first, second = imported(theirs, code=1)
+    first, second = import_segments(theirs, code=1)
     assert (first["status"], second["status"]) == (status, "ok")
     assert said in first["reason"]
     written = json.loads((theirs.parent / "run/answer.json").read_text())["annotations"]
@@ -94,10 +94,10 @@ def test_an_image_that_cannot_be_scored_is_a_row(theirs, how, status, said):
 )  # fmt: skip
 def test_a_file_that_cannot_be_read_is_no_run(theirs, capsys, how, said):
     change(theirs, how)
-    assert imported(theirs, code=2) == []
+    assert import_segments(theirs, code=2) == []
     assert said in capsys.readouterr().err
     if how == "stranger":
-        assert len(imported(theirs, "--subset")) == 2
+        assert len(import_segments(theirs, "--subset")) == 2
 
 
 def mask(area):
@@ -106,7 +106,7 @@ def mask(area):
     return {"size": [2, 3], "counts": coco_mask.encode(pixels)["counts"].decode()}
 
 
-def told(tmp_path, task, *entries):
+def record_answer(tmp_path, task, *entries):
     message = Message(
         image_id=1,
         predictions=tuple({"category_id": c, "segmentation": m} for c, m in entries),
@@ -119,13 +119,15 @@ def told(tmp_path, task, *entries):
 def test_masks_of_a_process_are_segments_and_stuff_is_merged(tmp_path):
     entries = [(WALL, mask(np.s_[0, :1])), (PERSON, mask(np.s_[1, :2])), (WALL, mask(np.s_[0, 2:])),
                (PERSON, mask(np.s_[1, 2:])), (WALL, mask(np.s_[:0]))]  # fmt: skip
-    row = told(tmp_path, "coco-panoptic", *entries)
+    row = record_answer(tmp_path, "coco-panoptic", *entries)
     assert [(s.id, s.category_id, s.area) for s in row.segments] == [
         (1, WALL, 2), (2, PERSON, 2), (3, PERSON, 1),
     ]  # fmt: skip
     assert read_ids(tmp_path / row.answer.file, ValueError).tolist() == [[1, 0, 1], [2, 2, 3]]
     assert panoptic.BASELINE.own_file(row) == semantic.BASELINE.own_file(row) == row.answer.file
-    row = told(tmp_path, "voc-semantic", (15, mask(np.s_[:, :2])), (20, mask(np.s_[0, 1:])))
+    row = record_answer(
+        tmp_path, "voc-semantic", (15, mask(np.s_[:, :2])), (20, mask(np.s_[0, 1:]))
+    )
     values = read_values(tmp_path / row.answer.file, ValueError)
     assert values.tolist() == [[15, 20, 20], [15, 15, 255]]
 
@@ -138,6 +140,6 @@ def test_masks_of_a_process_are_segments_and_stuff_is_merged(tmp_path):
      ((PERSON, {"size": [2, 3], "counts": "0"}), "pixels expected")],
 )  # fmt: skip
 def test_masks_that_are_no_segments_fail_the_image(tmp_path, entry, said):
-    row = told(tmp_path, "coco-panoptic", (PERSON, mask(np.s_[0])), entry)
+    row = record_answer(tmp_path, "coco-panoptic", (PERSON, mask(np.s_[0])), entry)
     assert row.status == "invalid" or row.code == "baseline_answer"
     assert said in row.reason

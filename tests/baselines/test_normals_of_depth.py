@@ -78,7 +78,7 @@ def track(tmp_path):
     return path
 
 
-def slanted():
+def slanted_plane():
     return plane_z((np.sin(np.radians(20)), 0, -np.cos(np.radians(20)))).astype(np.float32)
 
 
@@ -98,7 +98,7 @@ def bring(track: Path, folder: Path, run: Path, *more: object) -> int:
 )
 def test_a_depth_of_any_space_has_a_row_of_normals(space, of_z, track, tmp_path):
     (tmp_path / "theirs").mkdir()
-    np.save(tmp_path / "theirs/a_depth.npy", of_z(slanted()).astype(np.float32))
+    np.save(tmp_path / "theirs/a_depth.npy", of_z(slanted_plane()).astype(np.float32))
     words = ["--space", space, "--intrinsics", tmp_path / "camera.json"]
     assert bring(track, tmp_path / "theirs", tmp_path / "run", *words) == 0
     summary = evaluate(tmp_path / "run", tmp_path / "truth", tmp_path / "evaluation")
@@ -111,7 +111,7 @@ def test_a_depth_of_any_space_has_a_row_of_normals(space, of_z, track, tmp_path)
 def test_a_disparity_of_zero_or_less_is_no_surface(track, tmp_path):
     """What is infinitely far has no normal; its neighbours keep theirs."""
     (tmp_path / "theirs").mkdir()
-    disparity = (7 / slanted()).astype(np.float32)
+    disparity = (7 / slanted_plane()).astype(np.float32)
     disparity[:, :12] = 0.0
     disparity[:, :4] = -1.0
     np.save(tmp_path / "theirs/a.npy", disparity)
@@ -127,7 +127,7 @@ def test_a_readouts_depth_knows_its_own_camera(track, tmp_path):
     fx, fy, cx, cy = CAMERA
     camera = Projection(orthographic=False, fx=fx, fy=fy, cx=cx, cy=cy, z_near=0.1, z_far=100.0)
     (tmp_path / "depth").mkdir()
-    write_depth(tmp_path / "depth/a.npz", slanted(), camera)
+    write_depth(tmp_path / "depth/a.npz", slanted_plane(), camera)
     assert bring(track, tmp_path / "depth", tmp_path / "run", "--space", "depth") == 0
     summary = evaluate(tmp_path / "run", tmp_path / "truth", tmp_path / "evaluation")
     assert summary.pooled["mean_deg"]["error_90"] < 0.01
@@ -135,7 +135,7 @@ def test_a_readouts_depth_knows_its_own_camera(track, tmp_path):
 
 def test_depth_without_a_camera_or_with_a_sign_is_refused(track, tmp_path, capsys):
     (tmp_path / "theirs").mkdir()
-    np.save(tmp_path / "theirs/a.npy", slanted())
+    np.save(tmp_path / "theirs/a.npy", slanted_plane())
     run = tmp_path / "run"
     assert bring(track, tmp_path / "theirs", run, "--space", "depth") == 2
     assert "has no intrinsics, without which a depth has no normals" in capsys.readouterr().err

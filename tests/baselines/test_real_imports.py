@@ -14,14 +14,14 @@ from baselines.tracks import call, rows
 pytestmark = pytest.mark.real_data
 
 
-def evaluated(run: Path, truth: Path, tmp_path: Path) -> dict:
+def evaluate_run(run: Path, truth: Path, tmp_path: Path) -> dict:
     output = tmp_path / f"eval-{run.name}"
     assert call(["evaluate", run, "--truth", truth, "-o", output, "--draws", "5"]) == 0
     summary: dict = json.loads((output / "summary.json").read_text())
     return summary
 
 
-def imported(source: Path, truth: Path, task: str, tmp_path: Path, *options: object) -> Path:
+def import_results(source: Path, truth: Path, task: str, tmp_path: Path, *options: object) -> Path:
     tmp_path.mkdir(exist_ok=True)
     track, run = tmp_path / f"{task}.json", tmp_path / f"run-{task}"
     assert call(["track", "make", "--task", task, "--truth", truth, "-o", track]) == 0
@@ -33,8 +33,8 @@ def imported(source: Path, truth: Path, task: str, tmp_path: Path, *options: obj
 def test_yolox_nano_on_188_photos_of_val2017(real_data, tmp_path):
     truth = real_data / "coco/instances_val2017_188.json"
     source = real_data / "coco/yolox_nano_val2017_188_results.json"
-    run = imported(source, truth, "coco", tmp_path, "--name", "YOLOX-nano")
-    summary = evaluated(run, truth, tmp_path)
+    run = import_results(source, truth, "coco", tmp_path, "--name", "YOLOX-nano")
+    summary = evaluate_run(run, truth, tmp_path)
     assert summary["metrics"]["AP"] == pytest.approx(0.280785, abs=5e-7)
     stats = json.loads((real_data / "coco/yolox_nano_val2017_188_stats.json").read_text())
     assert summary["official"] == pytest.approx(stats, abs=1e-12)  # pycocotools' own, kept with it
@@ -90,9 +90,9 @@ def test_its_boxes_written_as_corners_are_the_same_run(real_data, tmp_path):
         x, y, w, h = entry["bbox"]
         entry["bbox"] = [x, y, x + w, y + h]
     (tmp_path / "corners.json").write_text(json.dumps(entries))
-    run = imported(tmp_path / "corners.json", truth, "coco", tmp_path, "--box-format", "xyxy")
+    run = import_results(tmp_path / "corners.json", truth, "coco", tmp_path, "--box-format", "xyxy")
     source = real_data / "coco/yolox_nano_val2017_188_results.json"
-    own = imported(source, truth, "coco", tmp_path / "own")
+    own = import_results(source, truth, "coco", tmp_path / "own")
     ours, theirs = (json.loads((r / "predictions.json").read_text()) for r in (own, run))
     assert [p["score"] for p in ours] == [p["score"] for p in theirs]
     boxes = [[p["bbox"] for p in found] for found in (ours, theirs)]
@@ -107,8 +107,8 @@ def test_its_boxes_written_as_corners_are_the_same_run(real_data, tmp_path):
 def test_lvis_results(real_data, tmp_path):
     truth = real_data / "lvis/lvis_val_100.json"
     source = real_data / "lvis/lvis_val_100_synthetic_results.json"
-    run = imported(source, truth, "lvis", tmp_path)
-    summary = evaluated(run, truth, tmp_path)
+    run = import_results(source, truth, "lvis", tmp_path)
+    summary = evaluate_run(run, truth, tmp_path)
     assert summary["metrics"]["AP"] == pytest.approx(0.305714, abs=5e-7)
 
 
@@ -120,7 +120,7 @@ def test_the_masks_of_cocoapis_own_sample(real_data, tmp_path):
     assert call(["track", "make", "--task", "coco", "--truth", truth, "-o", track]) == 0
     arguments = ["baseline", "import", source, "--task", "coco-masks", "--track", track, "-o", run]
     assert call(arguments) == 0
-    official = evaluated(run, truth, tmp_path)["official"]
+    official = evaluate_run(run, truth, tmp_path)["official"]
     assert official[0] == pytest.approx(0.319545, abs=5e-7)
     printed = (real_data / "evaluators/val2014_fake_eval_res.txt").read_text(encoding="utf-8")
     block = printed.split("type=segm\n")[1].split("-----")[0]
@@ -185,7 +185,7 @@ def test_real_depth_is_its_own_prediction(kinect, tmp_path):
     assert call([*arguments, "--space", "depth", "--unit", "mm"]) == 0
     measured = np.count_nonzero(cv2.imread(str(folder / "00000.png"), cv2.IMREAD_UNCHANGED))
     assert rows(run)[1]["depth"]["finite_px"] == measured
-    summary = evaluated(run, truth, tmp_path)
+    summary = evaluate_run(run, truth, tmp_path)
     assert summary["coverage"]["scored"] == 5
     assert summary["metrics"]["abs_rel"]["error_1"] < 1e-9
 
@@ -206,7 +206,7 @@ def test_real_ray_distance_is_undone_and_matters(kinect, tmp_path):
     as_rays = ["--space", "ray_distance", "--unit", "m", "--intrinsics", camera]
     assert call([*arguments, "-o", right, *as_rays]) == 0
     assert call([*arguments, "-o", wrong, "--space", "depth", "--unit", "m"]) == 0
-    scores = [evaluated(run, truth, tmp_path)["metrics"]["abs_rel"] for run in (right, wrong)]
+    scores = [evaluate_run(run, truth, tmp_path)["metrics"]["abs_rel"] for run in (right, wrong)]
     assert scores[0]["error_1"] < 1e-9
     assert scores[1]["error_1"] > 0.01
 
@@ -218,5 +218,5 @@ def test_cocoapis_own_samples_have_their_published_ap(task, iou_type, ap, real_d
     """Its files have equal scores inside images and categories, in an order of their own."""
     truth = real_data / "evaluators/instances_val2014_100.json"
     source = real_data / f"evaluators/instances_val2014_fake{iou_type}100_results.json"
-    summary = evaluated(imported(source, truth, task, tmp_path), truth, tmp_path)
+    summary = evaluate_run(import_results(source, truth, task, tmp_path), truth, tmp_path)
     assert round(summary["metrics"]["AP"], 6) == ap

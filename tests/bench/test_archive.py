@@ -42,7 +42,7 @@ def zip_of(files, *, prefix="", method=zipfile.ZIP_DEFLATED, mode=0o100644) -> b
     return stream.getvalue()
 
 
-def unpacked(data: bytes, folder: Path, limits: UnpackLimits = LIMITS) -> tuple[Path, bool]:
+def unpack_upload(data: bytes, folder: Path, limits: UnpackLimits = LIMITS) -> tuple[Path, bool]:
     upload = folder / "upload"
     upload.write_bytes(data)
     return unpack(upload, "den__easy", limits)
@@ -53,7 +53,7 @@ def unpacked(data: bytes, folder: Path, limits: UnpackLimits = LIMITS) -> tuple[
 def test_a_scene_s_files_or_one_folder_with_them(make, prefix, tmp_path):
     data = make(FILES, prefix=prefix)
     for _ in range(2):  # a killed worker's order is unpacked again
-        place, lone = unpacked(data, tmp_path)
+        place, lone = unpack_upload(data, tmp_path)
         assert (place.name, lone) == ("den__easy", False)
         found = {str(p.relative_to(place)): p.read_bytes() for p in place.rglob("*.*")}
         assert found == FILES
@@ -61,7 +61,7 @@ def test_a_scene_s_files_or_one_folder_with_them(make, prefix, tmp_path):
 
 @pytest.mark.parametrize("head", [b"BLENDER-v500", b"\x28\xb5\x2f\xfd"])
 def test_a_blend_alone(head, tmp_path):
-    place, lone = unpacked(head + b"rest", tmp_path)
+    place, lone = unpack_upload(head + b"rest", tmp_path)
     assert lone
     assert (place / "scene.blend").read_bytes() == head + b"rest"
 
@@ -112,7 +112,7 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_not_unpacked_says_why(name, tmp_path):
     with pytest.raises(ArchiveError) as caught:
-        unpacked(BAD[name], tmp_path)
+        unpack_upload(BAD[name], tmp_path)
     assert caught.value.found
     assert [p for p in tmp_path.rglob("*") if p.is_symlink()] == []
     assert sum(p.stat().st_size for p in tmp_path.glob("unpacked*/**/*") if p.is_file()) <= 1 << 20
@@ -125,11 +125,11 @@ def test_a_compressed_tar_that_claims_to_be_plain_is_refused(tmp_path):
     assert gzip.decompress(data) == tar_of(FILES)
     assert data[257:262] == b"ustar"
     with pytest.raises(ArchiveError):
-        unpacked(data, tmp_path)
+        unpack_upload(data, tmp_path)
 
 
 def test_a_tar_without_its_last_blocks_is_whole(tmp_path):
-    folder, _ = unpacked(tar_of({"scene.blend": bytes(512)})[:1024], tmp_path)
+    folder, _ = unpack_upload(tar_of({"scene.blend": bytes(512)})[:1024], tmp_path)
     assert (folder / "scene.blend").read_bytes() == bytes(512)
 
 
@@ -138,12 +138,12 @@ def test_an_encrypted_zip_is_refused(tmp_path):
     for mark, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
         data[data.index(mark) + offset] |= 1
     with pytest.raises(ArchiveError, match="encrypted"):
-        unpacked(bytes(data), tmp_path)
+        unpack_upload(bytes(data), tmp_path)
 
 
 def test_unpacking_ends_with_its_time(tmp_path):
     with pytest.raises(ArchiveError, match="more time"):
-        unpacked(zip_of(FILES), tmp_path, UnpackLimits(unpacked_bytes=99, time_s=-1.0))
+        unpack_upload(zip_of(FILES), tmp_path, UnpackLimits(unpacked_bytes=99, time_s=-1.0))
 
 
 @given(
@@ -158,5 +158,5 @@ def test_damaged_archives_unpack_or_are_refused(data, changes, cut, tmp_path_fac
         at = int(place * len(damaged))
         damaged[at : at + len(replacement)] = replacement
     with contextlib.suppress(ArchiveError):
-        unpacked(bytes(damaged), folder)
+        unpack_upload(bytes(damaged), folder)
     assert {p.name.partition("-")[0] for p in folder.iterdir()} == {"upload", "unpacked"}

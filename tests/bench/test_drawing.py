@@ -15,16 +15,16 @@ def assets(tmp_path):
     return tmp_path / "kaykit"
 
 
-def drawn(scenes, *more: str) -> int:
+def draw_scenes(scenes, *more: str) -> int:
     place = ["-o", str(scenes.parent / "bench")]
     return cli.run(["bench", "make", str(scenes), *place, "--procedural", "7", *more])
 
 
 def test_without_assets_nothing_is_drawn(tmp_path, capsys, monkeypatch):
     monkeypatch.delenv("LEGOWORLD_KAYKIT", raising=False)
-    assert drawn(tmp_path / "scenes") == 2
+    assert draw_scenes(tmp_path / "scenes") == 2
     assert "name it with --assets or LEGOWORLD_KAYKIT" in capsys.readouterr().err
-    assert drawn(tmp_path / "scenes", "--assets", str(tmp_path)) == 2
+    assert draw_scenes(tmp_path / "scenes", "--assets", str(tmp_path)) == 2
     assert "found: " + str(tmp_path) in capsys.readouterr().err
     assert not (tmp_path / "scenes").exists()
 
@@ -33,12 +33,12 @@ def test_scenes_of_others_are_not_mixed_in(tmp_path, capsys, assets):
     for name in ("kitchen-7-0000", "kitchen-8-0000"):
         (tmp_path / "scenes" / name).mkdir(parents=True)
         (tmp_path / "scenes" / name / "scene.blend").touch()
-    assert drawn(tmp_path / "scenes", "--assets", str(assets), "--count", "1") == 2
+    assert draw_scenes(tmp_path / "scenes", "--assets", str(assets), "--count", "1") == 2
     assert "found: kitchen-8-0000" in capsys.readouterr().err
 
 
 def test_a_program_that_ends_without_a_scene_is_named(tmp_path, capsys, assets):
-    assert drawn(tmp_path / "scenes", "--assets", str(assets), "--count", "1") == 2
+    assert draw_scenes(tmp_path / "scenes", "--assets", str(assets), "--count", "1") == 2
     told = capsys.readouterr().err
     assert "scene 0 of seed 7 cannot be drawn" in told
     assert "there is no asset furniture/rug_oval_" in told

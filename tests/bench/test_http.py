@@ -37,7 +37,7 @@ SECOND = XScores(
 )  # fmt: skip
 
 
-def scored(order) -> ServeAnswer:
+def score_order(order) -> ServeAnswer:
     request = decode(ServeRequest, order.line)
     if request.image_id == 3:
         return no_score(request, "/private/depth", status="evaluator_error")
@@ -89,7 +89,7 @@ class Service:
 
 
 @contextlib.contextmanager
-def service(answer=scored, workers=1, **given):
+def service(answer=score_order, workers=1, **given):
     class Worker:
         def __init__(self, _scorer) -> None:
             self.call = answer
@@ -293,7 +293,7 @@ class Held:
     def __call__(self, order) -> ServeAnswer:
         self.begun.append(order)
         assert self.go.wait(PATIENCE_S)
-        return scored(order)
+        return score_order(order)
 
 
 def test_a_full_queue_says_when_to_come_again():

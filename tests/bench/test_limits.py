@@ -31,7 +31,7 @@ from legoworld.records.bench_dataset import BenchImage
 from legoworld.records.bench_results import ServeRequest
 
 
-def packed(kind: str, files: dict[str, bytes]) -> bytes:
+def pack_files(kind: str, files: dict[str, bytes]) -> bytes:
     stream = io.BytesIO()
     if kind == "zip":
         with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as made:
@@ -47,7 +47,7 @@ def packed(kind: str, files: dict[str, bytes]) -> bytes:
     return stream.getvalue()
 
 
-def unpacked(folder: Path, data: bytes, **limits: Any) -> Path:
+def unpack_upload(folder: Path, data: bytes, **limits: Any) -> Path:
     (folder / "upload").write_bytes(data)
     return unpack(folder / "upload", "den", UnpackLimits(**{"unpacked_bytes": 100} | limits))[0]
 
@@ -66,26 +66,26 @@ def unpacked(folder: Path, data: bytes, **limits: Any) -> Path:
 def test_an_archive_at_its_limits_is_unpacked_and_one_beyond_is_not(
     kind, limits, files, over, said, tmp_path
 ):
-    place = unpacked(tmp_path, packed(kind, files), **limits)
+    place = unpack_upload(tmp_path, pack_files(kind, files), **limits)
     assert sum(p.stat().st_size for p in place.rglob("*") if p.is_file()) == sum(
         map(len, files.values())
     )
     with pytest.raises(ArchiveError) as refused:
-        unpacked(tmp_path, packed(kind, over), **limits)
+        unpack_upload(tmp_path, pack_files(kind, over), **limits)
     assert refused.value.expected == said
 
 
 @pytest.mark.parametrize("kind", ["zip", "tar"])
 def test_a_file_that_claims_too_much_is_refused_before_it_is_written(kind, tmp_path):
     with pytest.raises(ArchiveError, match="more bytes unpacked"):
-        unpacked(tmp_path, packed(kind, {"small": bytes(50), "large": bytes(51)}))
+        unpack_upload(tmp_path, pack_files(kind, {"small": bytes(50), "large": bytes(51)}))
     assert [p.name for p in tmp_path.glob("unpacked-*/**/*") if p.is_file()] == ["small"]
 
 
 def test_two_folders_are_the_scene_s_own(tmp_path):
-    place = unpacked(tmp_path, packed("tar", {"a/one": b"1", "b/two": b"2"}))
+    place = unpack_upload(tmp_path, pack_files("tar", {"a/one": b"1", "b/two": b"2"}))
     assert sorted(p.name for p in place.iterdir()) == ["a", "b"]
-    lone = unpacked(tmp_path, packed("tar", {"one": b"1"}))
+    lone = unpack_upload(tmp_path, pack_files("tar", {"one": b"1"}))
     assert [p.name for p in lone.iterdir()] == ["one"], "a file is no folder around the files"
 
 
@@ -93,12 +93,12 @@ def test_two_folders_are_the_scene_s_own(tmp_path):
 def test_unpacking_has_its_whole_time(late, refused, tmp_path, monkeypatch):
     clock = itertools.chain([50.0], itertools.repeat(50.0 + 7.5 + late))
     monkeypatch.setattr(archive.time, "monotonic", lambda: next(clock))
-    data = packed("zip", {"a": b"x"})
+    data = pack_files("zip", {"a": b"x"})
     if not refused:
-        assert unpacked(tmp_path, data, time_s=7.5).is_dir()
+        assert unpack_upload(tmp_path, data, time_s=7.5).is_dir()
         return
     with pytest.raises(ArchiveError, match=r"at most 7\.5 s to unpack"):
-        unpacked(tmp_path, data, time_s=7.5)
+        unpack_upload(tmp_path, data, time_s=7.5)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_a_full_disk_is_not_the_archive_s_fault(number, raised, tmp_path, monkey
 
     monkeypatch.setattr(archive, "_zip_members", full)
     with pytest.raises(raised, match="said by the system"):
-        unpacked(tmp_path, packed("zip", {"a": b"x"}))
+        unpack_upload(tmp_path, pack_files("zip", {"a": b"x"}))
 
 
 @pytest.mark.parametrize("size", [0, 1])
@@ -161,7 +161,7 @@ def test_what_was_answered_is_counted_for_prometheus():
 
 
 def app(tmp_path: Path, *, workers: int = 2, **options: Any) -> http_app.ScoreApp:
-    server: Any = SimpleNamespace(scratch=tmp_path, workers=workers, lost=4)
+    server: Any = SimpleNamespace(scratch=tmp_path, workers=workers, n_lost=4)
     http = HttpOptions(token="0123456789abcdef", **options)
     return http_app.ScoreApp(server, SimpleNamespace(), http, print)  # type: ignore[arg-type]
 
@@ -348,7 +348,7 @@ def test_a_batch_as_long_as_the_queue_is_taken(count, raised, tmp_path):
         taken.append((json.loads(order.line), place.places))
         raise http_app.ClientDisconnect
 
-    made._scored = scored  # type: ignore[method-assign]
+    made._score_order = scored  # type: ignore[method-assign]
     body = json.dumps({"query": ["a"] * count, "labels": [1] * count}).encode()
     with pytest.raises(raised):
         asyncio.run(made._rewards(request({}, {"type": "http.request", "body": body})))

@@ -160,7 +160,7 @@ def service(dataset, tmp_path_factory):
     assert list(scratch.iterdir()) == []
 
 
-def tarred(folder: Path) -> bytes:
+def tar_folder(folder: Path) -> bytes:
     stream = io.BytesIO()
     with tarfile.open(fileobj=stream, mode="w") as archive:
         archive.add(folder, ".")
@@ -174,7 +174,7 @@ def send(service, data: bytes, **query) -> dict[str, Any]:
         return json.load(answer)
 
 
-def evaluated(dataset: Path, scenes: Path, folder: Path, *more: str) -> dict[str, Any]:
+def evaluate_scenes(dataset: Path, scenes: Path, folder: Path, *more: str) -> dict[str, Any]:
     """The rows of `evaluate`, by the cases' names."""
     track, run = dataset / "bench" / "public" / "track.json", str(folder / "run")
     asked = ["--task", "bench", "--track", str(track), "-o", run, "--workers", "1", "-q", *more]
@@ -195,10 +195,10 @@ def test_answers_over_http_are_those_of_evaluate(dataset, submissions, service, 
     }
     for name, place in places.items():
         shutil.copytree(place, dataset / "sent" / name)
-    rows = evaluated(dataset, dataset / "sent", tmp_path, "--no-render")
+    rows = evaluate_scenes(dataset, dataset / "sent", tmp_path, "--no-render")
     for name in places:
         row, image_id = rows[name], rows[name]["image_id"]
-        sent = send(service, tarred(dataset / "sent" / name), image_id=image_id, parts="R")
+        sent = send(service, tar_folder(dataset / "sent" / name), image_id=image_id, parts="R")
         path = {"scene": f"sent/{name}", "image_id": image_id, "parts": "R"}
         asked = urllib.request.Request(
             f"{service.url}/score", json.dumps(path).encode(),
@@ -219,8 +219,8 @@ def test_a_and_s_by_the_page_s_client_are_those_of_evaluate(dataset, service, tm
     exec(re.search(r"```python client\n(.*?)```", page, re.S)[1], client)
     hard = dataset / "itself" / "den__hard__view_00"
     shutil.copytree(hard, tmp_path / "one" / hard.name)
-    row = evaluated(dataset, tmp_path / "one", tmp_path, "--image-id", "3")[hard.name]
-    answer = client["score"](service.url, TOKEN, 3, tarred(hard))
+    row = evaluate_scenes(dataset, tmp_path / "one", tmp_path, "--image-id", "3")[hard.name]
+    answer = client["score"](service.url, TOKEN, 3, tar_folder(hard))
     for key in ("R", "A", "S", "objects", "validity", "warnings", "flags"):
         assert answer[key] == row[key], key
     assert answer["A"] > 0.9

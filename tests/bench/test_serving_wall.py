@@ -119,7 +119,7 @@ def test_an_order_whose_process_is_lost_is_given_to_another(losses, status, monk
     with ScoreServer(None, 1) as server:
         line = json.dumps({"scene": "s", "image_id": 4, "id": "x"}).encode()
         answer = server.submit(Order(line=line)).result()
-        assert (answer.status, server.lost) == (status, losses)
+        assert (answer.status, server.n_lost) == (status, losses)
     assert answer.id == ("x" if losses == 3 else None)
 
 

@@ -95,6 +95,6 @@ def _lost(item: int, what: str) -> tuple[int, str]:
 def test_a_lost_machine_costs_nothing_and_a_deadly_item_only_itself(
     once, verdict, tmp_path: Path, two_nodes
 ):
-    job = Job(make=partial(_Fragile, tmp_path, once), lost=_lost)
+    job = Job(make=partial(_Fragile, tmp_path, once), lost_result=_lost)
     found = dict(run_ray(job, list(range(8)), workers=2))
     assert found == dict.fromkeys(range(8), "done") | {3: verdict}

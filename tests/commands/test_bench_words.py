@@ -15,7 +15,7 @@ from legoworld.tables.table import Table, table
 VERSION = {"schema_version": 1}
 
 
-def shown(title: str) -> Table:
+def show_table(title: str) -> Table:
     return table([title], [["cell"]], notes=(f"note of {title}",))
 
 
@@ -28,10 +28,10 @@ def test_a_table_has_standings_where_there_are_two_rows(
     asked: list[dict[str, Any]] = []
     for name, stand_in in {
         "legoworld.api.bench.bench_table": lambda *_, **given: asked.append(given) or board,
-        "legoworld.comparison.leaderboard.wide_table": lambda _, every_group: shown(
+        "legoworld.comparison.leaderboard.wide_table": lambda _, every_group: show_table(
             f"every {every_group}"
         ),
-        "legoworld.comparison.standings.standings_table": lambda _: shown("standings"),
+        "legoworld.comparison.standings.standings_table": lambda _: show_table("standings"),
         "legoworld.records.base.as_json": lambda made: {"rows": len(made.rows)},
     }.items():
         monkeypatch.setattr(name, stand_in)

@@ -18,7 +18,7 @@ from legoworld.errors import CatalogError, LegoWorldError
 BAD = LegoWorldError("it broke", found="a crack", next_step="glue it")
 
 
-def put(monkeypatch: pytest.MonkeyPatch, **values: Any) -> None:
+def patch(monkeypatch: pytest.MonkeyPatch, **values: Any) -> None:
     """Answers in place of functions, by module and name with dots as __."""
     for name, value in values.items():
         monkeypatch.setattr(f"legoworld.{name.replace('__', '.')}", value)
@@ -41,11 +41,11 @@ def test_python(version, good, monkeypatch):
 
 
 def test_system_libraries(monkeypatch):
-    put(monkeypatch, system_libraries__missing_libraries=list)
+    patch(monkeypatch, system_libraries__missing_libraries=list)
     assert doctor_command._system_libraries() == Finding(
         name="system libraries", good=True, found="all that bpy links", next_step=""
     )
-    put(monkeypatch, system_libraries__missing_libraries=lambda: ["libX.so", "libY.so"],
+    patch(monkeypatch, system_libraries__missing_libraries=lambda: ["libX.so", "libY.so"],
         system_libraries__install_line=lambda names: f"install {len(names)}")  # fmt: skip
     assert doctor_command._system_libraries() == Finding(
         name="system libraries", good=False, found="missing: libX.so, libY.so",
@@ -54,7 +54,7 @@ def test_system_libraries(monkeypatch):
 
 
 def test_broken_tasks_are_not_needed(monkeypatch):
-    put(monkeypatch, tasks__registry__broken_tasks=lambda: [BAD])
+    patch(monkeypatch, tasks__registry__broken_tasks=lambda: [BAD])
     assert doctor_command._tasks() == [
         Finding(name="task", good=False, found="it broke", next_step=str(BAD), needed=False)
     ]
@@ -73,13 +73,13 @@ def test_blender(monkeypatch):
         def __exit__(self, *_: object) -> None:
             asked.append("closed")
 
-    put(monkeypatch, scene__blender_process__BlenderProcess=Process,
+    patch(monkeypatch, scene__blender_process__BlenderProcess=Process,
         scene__cache__bpy_version=lambda: "5.0.1")  # fmt: skip
     assert doctor_command._blender() == Finding(
         name="Blender", good=True, found="bpy 5.0.1 (Blender 5.0.9) starts"
     )
     assert asked == [120, {"kind": "version"}, "closed"]
-    put(monkeypatch, scene__blender_process__BlenderProcess=raising(BAD))
+    patch(monkeypatch, scene__blender_process__BlenderProcess=raising(BAD))
     found = doctor_command._blender()
     assert (found.name, found.good, found.needed) == ("Blender", False, True)
     assert found.found == "bpy 5.0.1 does not start: a crack"
@@ -88,11 +88,11 @@ def test_blender(monkeypatch):
 
 
 def test_the_kernel(monkeypatch):
-    put(monkeypatch, visibility__library__library=lambda: SimpleNamespace(_name="/a/_kernel.so"))
+    patch(monkeypatch, visibility__library__library=lambda: SimpleNamespace(_name="/a/_kernel.so"))
     assert doctor_command._kernel() == Finding(
         name="visibility kernel", good=True, found="_kernel.so, built from these sources"
     )
-    put(monkeypatch, visibility__library__library=raising(BAD))
+    patch(monkeypatch, visibility__library__library=raising(BAD))
     assert doctor_command._kernel() == Finding(
         name="visibility kernel", good=False, found="a crack", next_step="glue it"
     )
@@ -102,13 +102,13 @@ def test_the_kernel(monkeypatch):
     ("held", "found"),
     [
         ({"bubblewrap": "0.9"}, "bubblewrap 0.9; processes counted by looking 20 times a second"),
-        ({"counted": True, "why_not": "no bwrap"}, "no bwrap; processes counted by the kernel"),
+        ({"task_group": True, "why_not": "no bwrap"}, "no bwrap; processes counted by the kernel"),
     ],
 )
 def test_the_sandbox(held, found, monkeypatch):
     wanted = []
-    held = SimpleNamespace(**{"bubblewrap": None, "counted": False, "why_not": None} | held)
-    put(monkeypatch, workers__protections__protections=lambda how: wanted.append(how) or held,
+    held = SimpleNamespace(**{"bubblewrap": None, "task_group": False, "why_not": None} | held)
+    patch(monkeypatch, workers__protections__protections=lambda how: wanted.append(how) or held,
         workers__bubblewrap__how_to_have=lambda why: f"mend {why!r}")  # fmt: skip
     assert doctor_command._sandbox() == Finding(
         name="sandbox", good=held.bubblewrap is not None, found=found, needed=False,
@@ -120,14 +120,14 @@ def test_the_sandbox(held, found, monkeypatch):
 
 @pytest.mark.parametrize("there", [True, False])
 def test_packages_that_are_not_needed(there, monkeypatch):
-    put(monkeypatch, evaluation__detection__lvis_package__is_installed=lambda: there)
+    patch(monkeypatch, evaluation__detection__lvis_package__is_installed=lambda: there)
     found = doctor_command._lvis()
     assert (found.name, found.good, found.needed) == ("LVIS evaluator", there, False)
     said = "the official lvis package" if there else "the lvis package is not installed"
     assert found.found == said
     assert found.next_step.endswith(" (to score --task lvis)")
     problems = [] if there else ["no folder", "no python"]
-    put(monkeypatch, agents__mcp_server__server_problems=lambda: problems)
+    patch(monkeypatch, agents__mcp_server__server_problems=lambda: problems)
     assert doctor_command._agents_server() == Finding(
         name="agents' server", good=there, needed=False,
         found="mcp-for-blender is installed" if there else "no folder; no python",
@@ -145,7 +145,7 @@ def test_packages_that_are_not_needed(there, monkeypatch):
 @pytest.mark.parametrize(("free_gb", "good"), [(1.0, False), (1.001, True), (5.4, True)])
 def test_the_cache(free_gb, good, tmp_path, monkeypatch):
     folder = tmp_path / "cache"
-    put(monkeypatch, scene__cache__default_cache_folder=lambda: folder,
+    patch(monkeypatch, scene__cache__default_cache_folder=lambda: folder,
         scene__cache__why_unwritable=lambda _: "")  # fmt: skip
     usage = SimpleNamespace(free=free_gb * 1e9)
     monkeypatch.setattr(doctor_command.shutil, "disk_usage", lambda _: usage)
@@ -157,7 +157,7 @@ def test_the_cache(free_gb, good, tmp_path, monkeypatch):
     assert found.found == f"1 file, 2 MB in {folder}; {free_gb:,.0f} GB free"
     assert (found.name, found.good, found.needed) == ("snapshot cache", good, True)
     assert found.next_step.startswith("free some space, delete the cache folder")
-    put(monkeypatch, scene__cache__why_unwritable=lambda path: f"no {path.name}")
+    patch(monkeypatch, scene__cache__why_unwritable=lambda path: f"no {path.name}")
     found = doctor_command._cache()
     assert (found.name, found.good, found.needed) == ("snapshot cache", False, False)
     assert found.found == f"{folder} cannot be written: no cache"
@@ -170,7 +170,7 @@ CARD: Any = SimpleNamespace(name="yolox")
 @pytest.mark.parametrize("given", [None, Path("/given/python")])
 def test_a_baseline(given, monkeypatch):
     lacking: list[str] = []
-    put(monkeypatch, baselines__environments__installed_python=lambda _: Path("/own/python"),
+    patch(monkeypatch, baselines__environments__installed_python=lambda _: Path("/own/python"),
         baselines__environments__problems=lambda *_: lacking,
         baselines__accelerators__needs_torch=lambda _: True,
         baselines__accelerators__inspect_torch=lambda python: f"torch of {python}")  # fmt: skip
@@ -181,24 +181,24 @@ def test_a_baseline(given, monkeypatch):
         name="baseline yolox", good=True, found=f"ready, {python}; torch of {python}",
         next_step=step, needed=False,
     )  # fmt: skip
-    put(monkeypatch, baselines__accelerators__needs_torch=lambda _: False)
+    patch(monkeypatch, baselines__accelerators__needs_torch=lambda _: False)
     assert doctor_command._baseline(CARD, given).found == f"ready, {python}"
     lacking += ["no numpy", "no cv2"]
     found = doctor_command._baseline(CARD, given)
     assert (found.good, found.found, found.next_step) == (False, "no numpy; no cv2", step)
-    put(monkeypatch, baselines__environments__problems=raising(BAD))
+    patch(monkeypatch, baselines__environments__problems=raising(BAD))
     found = doctor_command._baseline(CARD, given)
     assert (found.good, found.found, found.needed) == (False, "it broke: a crack", False)
 
 
 def test_baselines_without_an_environment_and_cards_that_cannot_be_read(monkeypatch):
-    put(monkeypatch, baselines__environments__installed_python=lambda _: None)
+    patch(monkeypatch, baselines__environments__installed_python=lambda _: None)
     assert doctor_command._baseline(CARD, None) == Finding(
         name="baseline yolox", good=False, found="no environment",
         next_step="legoworld baseline install yolox", needed=False,
     )  # fmt: skip
     asked = []
-    put(monkeypatch, baselines__cards__baseline_cards=lambda: [CARD])
+    patch(monkeypatch, baselines__cards__baseline_cards=lambda: [CARD])
     monkeypatch.setattr(doctor_command, "_baseline", lambda *given: asked.append(given) or "it")
     monkeypatch.delenv("LEGOWORLD_BASELINE_PYTHON", raising=False)
     assert doctor_command._baselines() == ["it"]
@@ -206,7 +206,7 @@ def test_baselines_without_an_environment_and_cards_that_cannot_be_read(monkeypa
     assert doctor_command._baselines() == ["it"]
     assert asked == [(CARD, None), (CARD, Path("/given"))]
     error = CatalogError("a card is broken", found="x", next_step="mend it")
-    put(monkeypatch, baselines__cards__baseline_cards=raising(error))
+    patch(monkeypatch, baselines__cards__baseline_cards=raising(error))
     assert doctor_command._baselines() == [
         Finding(name="baselines", good=False, found=str(error), next_step="mend it")
     ]

@@ -39,7 +39,7 @@ def document(task: str, capsys: pytest.CaptureFixture[str]) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def printed(task: str, capsys: pytest.CaptureFixture[str]) -> str:
+def print_schema(task: str, capsys: pytest.CaptureFixture[str]) -> str:
     assert cli.run(["list", "schema", "--task", task]) == 0
     return capsys.readouterr().out
 
@@ -60,7 +60,7 @@ def with_card(task: str, key: str, value: object):
 
 @pytest.mark.parametrize("task", TASKS)
 def test_the_text_and_the_document_say_the_same(task, capsys):
-    told, shown = document(task, capsys), printed(task, capsys)
+    told, shown = document(task, capsys), print_schema(task, capsys)
     flat = " ".join(shown.split())
     for section in told["sections"]:
         assert f"## {section['title']}" in shown
@@ -75,7 +75,7 @@ def test_what_an_author_needs_is_there(capsys):
     assert topics == [
         "deliver", "camera", "units", "seen", "labels", "instances", "output", "check",
     ]  # fmt: skip
-    text = printed("coco", capsys)
+    text = print_schema("coco", capsys)
     for needed in (
         "scene.blend", "scene.glb", "final.png", "scene.py", "labels.json", "resolution_x",
         "scene.camera", "clip_end", "metre", "alpha", "Glass", "Volumes", "hide_render",
@@ -90,7 +90,7 @@ def test_the_vocabulary_is_complete_and_in_the_datasets_order(task, capsys):
     path = catalog.folder("datasets") / find_dataset(task) / "categories.json"
     names = [c["name"] for c in sorted(json.loads(path.read_text()), key=lambda c: c["id"])]
     assert told["vocabulary"] == names
-    after = printed(task, capsys).split("\n## Vocabulary: ")[1]
+    after = print_schema(task, capsys).split("\n## Vocabulary: ")[1]
     heading, listed = after.split("\n", 1)
     assert heading == f"{len(names):,} names"
     assert " ".join(listed.split()) == ", ".join(names)
@@ -121,7 +121,7 @@ def test_depth_has_no_labels(capsys):
     told = document("eth3d", capsys)
     assert told["vocabulary"] is told["synonyms"] is told["labels_file"] is None
     assert told["property"] is told["override_property"] is told["vocabulary_sha256"] is None
-    text = printed("eth3d", capsys)
+    text = print_schema("eth3d", capsys)
     assert "Labels play no part" in text
     assert "labels.json" not in text
     assert "Vocabulary" not in text
@@ -137,7 +137,7 @@ def test_the_example_of_labels_json_can_be_used_as_it_is(task, capsys, tmp_path)
     assert [label.kind for label in labels] == ["object", "collection"]
     vocabulary = protocol(task, None).vocabulary
     assert all(vocabulary.match(label.categories["category"]) for label in labels)
-    shown = re.search(r'\{"version".*\]\}', " ".join(printed(task, capsys).split()))
+    shown = re.search(r'\{"version".*\]\}', " ".join(print_schema(task, capsys).split()))
     assert json.loads(shown.group()) == told["labels_file"]
 
 
@@ -209,7 +209,7 @@ def test_the_card_is_named_by_version_and_hash(task, capsys):
     card = document(task, capsys)["card"]
     path = catalog.folder("readouts") / f"{task}.toml"
     assert card["sha256"] == sha256_of_file(path)
-    assert f"({card['version']})" in printed(task, capsys).splitlines()[0]
+    assert f"({card['version']})" in print_schema(task, capsys).splitlines()[0]
 
 
 def keys_of(value: object):
@@ -260,15 +260,15 @@ def test_sections_come_in_one_order_for_every_task(capsys):
         assert all(a < b for a, b in pairwise(places))
 
 
-def listed(capsys: pytest.CaptureFixture[str], kind: str, *more: str) -> list[str]:
+def list_names(capsys: pytest.CaptureFixture[str], kind: str, *more: str) -> list[str]:
     assert cli.run(["list", kind, "--json", *more]) == 0
     return [card["name"] for card in json.loads(capsys.readouterr().out)[kind]]
 
 
 @pytest.mark.parametrize("kind", ["tasks", "datasets", "baselines"])
 def test_a_task_leaves_what_is_for_it(kind, capsys):
-    every = listed(capsys, kind)
-    by_task = {task: listed(capsys, kind, "--task", task) for task in TASKS}
+    every = list_names(capsys, kind)
+    by_task = {task: list_names(capsys, kind, "--task", task) for task in TASKS}
     if kind == "tasks":
         # No dataset of them is known, and no baseline: answers are imported, or scenes are scored.
         every = [name for name in every if name not in ("relations", "bench-x")]
@@ -287,12 +287,12 @@ def test_a_task_leaves_what_is_for_it(kind, capsys):
 
 
 def test_baselines_of_a_task(capsys):
-    assert listed(capsys, "baselines", "--task", "lvis") == ["hf-segmenter", "sam3"]
+    assert list_names(capsys, "baselines", "--task", "lvis") == ["hf-segmenter", "sam3"]
 
 
 def test_coco_is_the_schema_when_no_task_is_given(capsys):
     assert cli.run(["list", "schema"]) == 0
-    assert capsys.readouterr().out == printed("coco", capsys)
+    assert capsys.readouterr().out == print_schema("coco", capsys)
 
 
 @pytest.fixture

@@ -73,11 +73,11 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
       "root": Path(), "render": False, "second_card": False}),
     ("trajectory score . --truth . -o out --sandbox limits --workers 3",
      "legoworld.trajectories.api.score_trajectories",
-     {"1.limits.time_s": 600.0, "1.limits.memory_bytes": 8 << 30, "1.held.bubblewrap": None,
+     {"1.limits.time_s": 600.0, "1.limits.memory_bytes": 8 << 30, "1.protections.bubblewrap": None,
       "1.workers": 3}),
     ("trajectory pick . --by last -o out --sandbox limits", "legoworld.trajectories.api.pick",
      {"2.by": "last", "2.limits.time_s": 600.0, "2.limits.memory_bytes": 8 << 30,
-      "2.held.bubblewrap": None}),
+      "2.protections.bubblewrap": None}),
     (f"readout . --task coco --track {TRACK} -o out --source glb --workers 3 --engine ray "
      "--cache c --require-frozen --limit 4 --image-id 5 --image-id 6 --shard 2/3 "
      "--images-per-file 7 --max-side 64 --no-render --render-noise --overwrite --fail-fast "
@@ -95,7 +95,7 @@ CASES: Final[list[tuple[str, str, dict[str, Any]]]] = [
     ("blender mcp --workspace w --memory-limit 3 --sandbox limits",
      "legoworld.agents.mcp_endpoint.serve_mcp",
      {"0.workspace": Path("w"), "0.port": 0, "0.scene": None, "0.limits.memory_bytes": 3 << 30,
-      "0.held.bubblewrap": None, "notice.__name__": "notice"}),
+      "0.protections.bubblewrap": None, "notice.__name__": "notice"}),
     ("freeze . --workers 3 --engine local --no-cache --time-limit 9 --memory-limit 2",
      "legoworld.api.scene_folders.freeze_scenes",
      {"0": Path(), "engine": "local", "workers": 3, "cache": None, "limits.time_s": 9.0,

@@ -25,7 +25,7 @@ from legoworld.commands import (
 )
 from legoworld.commands.output import Output
 from legoworld.errors import LegoWorldError
-from legoworld.exports.formats import Written
+from legoworld.exports.formats import ExportResult
 from legoworld.records.agents import TrialRow, Usage
 from legoworld.records.report_page import Advice
 from legoworld.records.run_file import RunCoverage, RunSummary, ValidityCounts
@@ -49,7 +49,7 @@ def pair(number: int, iou: float = 1.0, **said: Any) -> Pair:
     return Pair(name=f"p{number}", iou=iou, **{**known, **said})
 
 
-def compared(**said: Any) -> Any:
+def make_comparison(**said: Any) -> Any:
     side = SimpleNamespace(
         view=SimpleNamespace(size_wh=(64, 48)),
         scene=SimpleNamespace(snapshot_sha256="ab"),
@@ -74,7 +74,7 @@ def shown(found: Any, capsys: Any, **how: bool) -> tuple[int, str, str]:
 def test_pairs_that_disagree_are_all_listed_and_forty_at_least(
     pairs: int, disagreeing: int, listed: int, capsys: Any
 ) -> None:
-    found = compared(pairs=tuple(map(pair, range(pairs))), n_disagreeing=disagreeing)
+    found = make_comparison(pairs=tuple(map(pair, range(pairs))), n_disagreeing=disagreeing)
     _, said, _ = shown(found, capsys)
     assert said.count("1.00000") == listed
     more = f"... and {pairs - listed} more that agree (-v lists them)\n"
@@ -86,7 +86,7 @@ def test_pairs_that_disagree_are_all_listed_and_forty_at_least(
 
 
 def test_two_sources_in_words(capsys: Any) -> None:
-    found = compared(
+    found = make_comparison(
         pairs=(
             pair(1, 0.5, glb_category="mug"),
             pair(2, blend_category=None, glb_category=None),
@@ -116,7 +116,7 @@ def test_two_sources_in_words(capsys: Any) -> None:
     assert lines[-2:] == ["only in scene.glb: 2 more, 0 of them not seen", "differs: the camera"]
     assert warned == "warning: scene.blend: odd\nwarning: scene.glb: odd\n"
     assert shown(found, capsys, quiet=True) == (1, said, "")
-    assert shown(compared(), capsys)[0] == 0
+    assert shown(make_comparison(), capsys)[0] == 0
     code, said, _ = shown(found, capsys, as_json=True)
     document = json.loads(said)
     assert code == 1
@@ -255,7 +255,7 @@ def test_what_was_exported_in_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     failed: dict[str, LegoWorldError] = {}
-    made = Written(images=2, annotations=1, losses=("its tilt",), failed=failed)
+    made = ExportResult(images=2, annotations=1, losses=("its tilt",), failed=failed)
     monkeypatch.setattr("legoworld.api.exporting.export", lambda *_, **__: made)
     output = tmp_path / "o.json"
     assert cli.run(["export", str(tmp_path), "-o", str(output)]) == 0
@@ -428,7 +428,7 @@ def test_what_was_frozen_in_words(
     assert said("-q") == (0, ["2 of 2 scenes frozen, all checks passed"])
 
 
-def predicted(n_bad: int, task: str = "coco", **said: Any) -> Any:
+def make_predictions(n_bad: int, task: str = "coco", **said: Any) -> Any:
     rows = [RunRow(image_id=k, file_name=f"{k}.jpg", status="failed", reason="no")
             for k in range(1, n_bad + 1)]  # fmt: skip
     rows.append(RunRow(image_id=99, file_name="ok.jpg", status="ok", **said.pop("row", {})))
@@ -442,13 +442,13 @@ def predicted(n_bad: int, task: str = "coco", **said: Any) -> Any:
 @pytest.mark.parametrize(
     ("found", "line", "made"),
     [
-        (predicted(1), "1 of 2 images predicted", "0"),
+        (make_predictions(1), "1 of 2 images predicted", "0"),
         (
-            predicted(1, predictions=1, coverage={"ok_empty": 0}, row={"n_predictions": 1}),
+            make_predictions(1, predictions=1, coverage={"ok_empty": 0}, row={"n_predictions": 1}),
             "1 of 2 images predicted (0 without any), 1 box", "1",
         ),
         (
-            predicted(0, task="lvis", predictions=2, coverage={"ok_empty": 1}, partial=True),
+            make_predictions(0, task="lvis", predictions=2, coverage={"ok_empty": 1}, partial=True),
             "1 of 1 image predicted (1 without any), 2 masks, partial run", "0",
         ),
     ],
@@ -472,7 +472,7 @@ def test_what_a_baseline_made_in_words(found: Run, line: str, made: str, capsys:
 
 @pytest.mark.parametrize(("n_bad", "more"), [(50, []), (51, ["... and 1 more, in "])])
 def test_fifty_failures_are_listed(n_bad: int, more: list[str], capsys: Any) -> None:
-    baseline_command.show(predicted(n_bad), Output(as_json=False, verbose=False))
+    baseline_command.show(make_predictions(n_bad), Output(as_json=False, verbose=False))
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 50 + len(more) + 1
     assert lines[50:-1] == [f"{text}out/per_image.jsonl" for text in more]

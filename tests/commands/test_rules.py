@@ -78,7 +78,9 @@ def test_each_task_counts_its_own_kind(count, word):
         )
 
 
-def said(monkeypatch: Any, capsys: Any, work: str, answer: Any, *words: str) -> tuple[int, Any]:
+def run_command(
+    monkeypatch: Any, capsys: Any, work: str, answer: Any, *words: str
+) -> tuple[int, Any]:
     """The exit code and the document of a command whose work gives an answer."""
     monkeypatch.setattr(work, lambda *_, **__: answer)
     code = cli.run([*words, "--json"])
@@ -90,7 +92,7 @@ def test_evidence_that_does_not_hold_is_exit_code_1(bad, tmp_path, monkeypatch, 
     checks = [SimpleNamespace(status="differs" if k < bad else "ok", what=f"w{k}", found=f"f{k}")
               for k in range(2)]  # fmt: skip
     words = ("evidence", "verify", str(tmp_path))
-    code, document = said(
+    code, document = run_command(
         monkeypatch, capsys, "legoworld.api.evidence.evidence_verify", checks, *words
     )
     assert (code, document["ok"]) == (bad, not bad)
@@ -126,7 +128,7 @@ def test_the_exit_code_of_a_program_is_that_of_its_scene(
     (tmp_path / "p.py").touch()
     work = "legoworld.api.scene_folders.execute"
     words = ("execute", str(tmp_path / "p.py"), "-o", "out", "--sandbox", "limits")
-    found, document = said(monkeypatch, capsys, work, made, *words)
+    found, document = run_command(monkeypatch, capsys, work, made, *words)
     assert found == code
     assert document["status"] == made.status
     assert document["files"] == ["scene.blend", "final.png"]
@@ -151,7 +153,7 @@ def test_a_scene_that_fails_its_check_is_exit_code_1(bad, tmp_path, monkeypatch,
         for k in range(3)
     ]  # fmt: skip
     work, words = "legoworld.api.scene_folders.freeze", ("freeze", str(tmp_path), "--no-cache")
-    code, document = said(monkeypatch, capsys, work, rows, *words)
+    code, document = run_command(monkeypatch, capsys, work, rows, *words)
     assert code == bool(bad)
     assert [row["scene"] for row in document["scenes"]] == ["s0", "s1", "s2"]
     failing = [f"invalid: s{k}/scene.glb: r{k}" for k in range(bad)]
@@ -243,7 +245,7 @@ def test_a_dataset_in_words(monkeypatch, tmp_path, capsys):
     cases = ["den_0.png: 1 scored object", "den_1.png: 2 scored objects",
              "hall_0.png: 1 scored object", "bare_0.png: 1 scored object"]  # fmt: skip
     assert capsys.readouterr().out.splitlines() == [*told, *cases, *end]
-    code, document = said(monkeypatch, capsys, work, made, *words)
+    code, document = run_command(monkeypatch, capsys, work, made, *words)
     assert (code, document["dataset"]) == (1, "out")
     assert document["families"][0] == {
         "family": "den", "status": "ok", "reason": "", "cases": ["den_0.png", "den_1.png"],

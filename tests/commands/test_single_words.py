@@ -29,14 +29,14 @@ from legoworld.records.formats import FORMATS
 from legoworld.records.run_rows import RunRow
 
 
-def said(capsys: Any, *words: str) -> Any:
+def run_json(capsys: Any, *words: str) -> Any:
     assert cli.run([*words, "--json"]) in (0, 1)
     return json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("kind", ["tasks", "datasets", "baselines"])
 def test_lists_are_cards_by_name(kind, capsys):
-    cards = said(capsys, "list", kind)[kind]
+    cards = run_json(capsys, "list", kind)[kind]
     assert {frozenset(card) for card in cards} == {
         frozenset(("name", "version", "title", "licence"))
     }
@@ -49,7 +49,7 @@ def test_lists_are_cards_by_name(kind, capsys):
 
 
 def test_formats_are_listed_with_their_files(capsys):
-    formats = said(capsys, "list", "formats")["formats"]
+    formats = run_json(capsys, "list", "formats")["formats"]
     assert formats == [{"name": n, "file": FORMATS[n].file} for n in sorted(FORMATS)]
     assert cli.run(["list", "formats"]) == 0
     assert capsys.readouterr().out.splitlines()[0].split() == ["name", "file"]
@@ -275,7 +275,7 @@ def test_lines_of_one_kind_are_three_and_their_number(n, verbose, shown):
     assert run_text._print_limited([str(k) for k in range(n)], "words", verbose=verbose) == shown
 
 
-def scored(**changes: Any) -> Any:
+def make_score(**changes: Any) -> Any:
     row = SimpleNamespace(status="ok", file_name="a.jpg", reason="it broke", unmatched=())
     advice = [SimpleNamespace(level="bad", what=f"finding {k}", do="mend" * (k == 0))
               for k in range(7)]  # fmt: skip
@@ -295,7 +295,7 @@ def test_a_score_in_words(monkeypatch, capsys):
     monkeypatch.setattr("legoworld.commands.output.on_terminal", lambda: True)
     first = ["numbers of coco", "bad: finding 0; do: mend",
              *(f"bad: finding {k}" for k in range(1, 5))]  # fmt: skip
-    found = scored()
+    found = make_score()
     rest = "... and 2 findings more (-v lists them)"
     assert lines(found) == [*first, rest, "overlay -> o.png"]
     assert "-o FOLDER keeps the scene, the run" in capsys.readouterr().err
@@ -309,7 +309,7 @@ def test_a_score_in_words(monkeypatch, capsys):
     assert lines(found) == [*first, "bad: the label 'cpu' is none",
                             "... and 1 finding more (-v lists them)"]  # fmt: skip
     error = SimpleNamespace(line=3, type="ValueError", message="no")
-    stopped = scored(execution=SimpleNamespace(status="error", error=error), summary=None)
+    stopped = make_score(execution=SimpleNamespace(status="error", error=error), summary=None)
     assert lines(stopped) == [
         "the program stopped at line 3: ValueError: no; the partial scene is scored",
         "ok: a.jpg: it broke",

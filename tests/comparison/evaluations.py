@@ -32,7 +32,7 @@ DEPTH_NAMES = ("a/images/dslr_images/1.JPG", "a/images/dslr_images/2.JPG",
                "c/images/dslr_images/1.JPG")  # fmt: skip
 
 
-def evaluated(
+def evaluate(
     folder: Path,
     task: str,
     truth: dict[str, Any],
@@ -64,9 +64,9 @@ def scene_and_baseline(folder: Path, task: str, *, seed: int = 1) -> tuple[Path,
     ]
     baseline = random_predictions(task, truth, seed=seed + 2)
     return (
-        evaluated(folder / "scene", task, truth, scene,
+        evaluate(folder / "scene", task, truth, scene,
                   statuses={with_truth[0]: "missing", ids[-1]: "timeout"}),
-        evaluated(folder / "baseline", task, truth, baseline, statuses={with_truth[1]: "failed"},
+        evaluate(folder / "baseline", task, truth, baseline, statuses={with_truth[1]: "failed"},
                   kind="baseline", baseline="specialist"),
     )  # fmt: skip
 
@@ -109,7 +109,7 @@ def depth_scene_and_baseline(folder: Path) -> tuple[Path, Path]:
     )
 
 
-def compared(
+def compare(
     evaluations: Sequence[Path], output: Path, *, draws: int = 60, seed: int = 0, **options: Any
 ) -> dict[str, Any]:
     """The document of a comparison, as its file holds it."""

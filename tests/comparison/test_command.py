@@ -13,7 +13,7 @@ import pytest
 from comparison.evaluations import (
     bad,
     change_json,
-    compared,
+    compare,
     depth_scene_and_baseline,
     forge,
     row_of,
@@ -123,8 +123,8 @@ def test_the_terminal_has_100_columns_and_every_number(which, pair, depth_pair, 
     if which == "depth":
         sides = [*depth_pair]
     if which == "joined":
-        compared(pair, tmp_path / "one", draws=30)
-        compared(depth_pair, tmp_path / "two", draws=30)
+        compare(pair, tmp_path / "one", draws=30)
+        compare(depth_pair, tmp_path / "two", draws=30)
         assert cli.run(["compare", "--join", str(tmp_path / "one"), str(tmp_path / "two"),
                         "-o", str(out), "-v"]) == 0  # fmt: skip
     else:
@@ -148,7 +148,7 @@ def test_the_terminal_has_100_columns_and_every_number(which, pair, depth_pair, 
         assert first.split()[:2] == row[1].split()
         assert first.split()[2:] == [str(value) for value in values]
         below = text[text.index(first) + len(first) :]
-        assert all(value.spread in below.split("\n")[1] for value in values)
+        assert all(value.interval_text in below.split("\n")[1] for value in values)
 
 
 def test_the_json_form_is_the_file(pair, tmp_path, capsys):
@@ -160,7 +160,7 @@ def test_the_json_form_is_the_file(pair, tmp_path, capsys):
 
 
 def test_the_csv_has_every_row_unrounded(pair, tmp_path):
-    document = compared(pair, tmp_path / "out")
+    document = compare(pair, tmp_path / "out")
     with (tmp_path / "out" / "table.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     expected = document["pairs"][0]["rows"]
@@ -177,7 +177,7 @@ def test_the_csv_has_every_row_unrounded(pair, tmp_path):
 
 def test_thresholds_trip_with_code_three_and_still_write(pair, tmp_path, capsys):
     out = tmp_path / "out"
-    document = compared(pair, tmp_path / "first", draws=30)
+    document = compare(pair, tmp_path / "first", draws=30)
     attempted, paired = (
         row_of(document, "AP", images)["difference"]["value"] for images in ("attempted", "paired")
     )
@@ -198,13 +198,13 @@ def test_thresholds_trip_with_code_three_and_still_write(pair, tmp_path, capsys)
 
 def test_an_undefined_gain_never_passes(pair, tmp_path, capsys):
     """Three images of large things: AP of small ones has no value."""
-    from comparison.evaluations import evaluated
+    from comparison.evaluations import evaluate
     from evaluation.detection_runs import random_predictions, random_truth
 
     truth = random_truth("coco", seed=6)
     truth["annotations"] = [a for a in truth["annotations"] if a["area"] > 32**2]
     sides = [
-        evaluated(tmp_path / k, "coco", truth, random_predictions("coco", truth, seed=1))
+        evaluate(tmp_path / k, "coco", truth, random_predictions("coco", truth, seed=1))
         for k in ("a", "b")
     ]
     assert call(*sides, "-o", tmp_path / "out", "--fail-below", "APs=-1") == 3
@@ -213,7 +213,7 @@ def test_an_undefined_gain_never_passes(pair, tmp_path, capsys):
 
 def test_an_error_gains_by_getting_smaller(depth_pair, tmp_path, capsys):
     out = tmp_path / "out"
-    document = compared(depth_pair, tmp_path / "first", draws=30)
+    document = compare(depth_pair, tmp_path / "first", draws=30)
     row = row_of(document, "abs_rel.error_1", "attempted")
     assert row["better"] == "lower"
     loss = row["difference"]["value"]
@@ -254,7 +254,7 @@ def test_refusals_are_one_line_and_code_two(pair, depth_pair, tmp_path, capsys):
 @pytest.mark.parametrize("task", ["coco", "eth3d"])
 def test_a_fresh_comparison_holds(task, pair, depth_pair, tmp_path, capsys):
     out = tmp_path / "out"
-    compared(pair if task == "coco" else depth_pair, out, draws=30)
+    compare(pair if task == "coco" else depth_pair, out, draws=30)
     checks = verify_comparison(out, None)
     assert not bad(checks)
     assert cli.run(["evidence", "verify", str(out)]) == 0
@@ -266,7 +266,7 @@ def test_forged_comparisons_are_seen(pair, tmp_path, capsys):
 
     def fresh():
         shutil.rmtree(out, ignore_errors=True)
-        compared(pair, out, draws=30)
+        compare(pair, out, draws=30)
 
     fresh()
     with (out / "table.md").open("a") as stream:
@@ -304,7 +304,7 @@ def test_forged_comparisons_are_seen(pair, tmp_path, capsys):
 def test_evaluations_that_moved_are_found_below_a_root(tmp_path):
     scene_and_baseline(tmp_path, "coco")
     sides = (tmp_path / "scene" / "eval", tmp_path / "baseline" / "eval")
-    compared(sides, tmp_path / "out", draws=10)
+    compare(sides, tmp_path / "out", draws=10)
     (tmp_path / "deep" / "er").mkdir(parents=True)
     for name in ("scene", "baseline"):
         shutil.move(tmp_path / name, tmp_path / "deep" / "er" / name)
@@ -313,7 +313,7 @@ def test_evaluations_that_moved_are_found_below_a_root(tmp_path):
 
 
 def test_evidence_holds_both_sides_raw_numbers_and_exports(pair, tmp_path):
-    document = compared(pair, tmp_path / "out")
+    document = compare(pair, tmp_path / "out")
     evidence = json.loads((tmp_path / "out" / "evidence.json").read_text())
     for method, folder in zip(evidence["methods"], pair, strict=True):
         own = json.loads((folder / "evidence.json").read_text())

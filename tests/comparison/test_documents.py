@@ -10,9 +10,9 @@ import pytest
 from comparison.evaluations import (
     bad,
     change_json,
-    compared,
+    compare,
     depth_scene_and_baseline,
-    evaluated,
+    evaluate,
     forge,
     row_of,
     scene_and_baseline,
@@ -48,8 +48,8 @@ READ = ["evidence.json", "summary.json", "per_image.jsonl", "per_category.jsonl"
 def made(tmp_path_factory):
     """A folder with the comparisons coco and eth3d, what they compare, and both joined."""
     folder = tmp_path_factory.mktemp("made")
-    compared(scene_and_baseline(folder / "c", "coco"), folder / "coco", draws=5, seed=3)
-    compared(depth_scene_and_baseline(folder / "e"), folder / "eth3d", draws=5, seed=3)
+    compare(scene_and_baseline(folder / "c", "coco"), folder / "coco", draws=5, seed=3)
+    compare(depth_scene_and_baseline(folder / "e"), folder / "eth3d", draws=5, seed=3)
     join_folders([folder / "eth3d", folder / "coco"], folder / "joined")
     return folder
 
@@ -74,13 +74,13 @@ def test_another_comparison_s_folder_is_refused_before_anything_is_computed(
         "legoworld.comparison.make_comparison.compare", lambda *_: pytest.fail("computed")
     )
     with pytest.raises(LegoWorldError, match="another"):
-        compared(evaluations, made / "eth3d", draws=5, seed=3)
+        compare(evaluations, made / "eth3d", draws=5, seed=3)
 
 
 def test_other_versions_of_a_package_are_noted(tmp_path):
     scene, baseline = scene_and_baseline(tmp_path, "coco")
     change_json(baseline / "evidence.json", lambda e: e["versions"].update(numpy="0.1"))
-    document = compared([scene, baseline], tmp_path / "made", draws=5)
+    document = compare([scene, baseline], tmp_path / "made", draws=5)
     version = read(scene, "evidence.json")["versions"]["numpy"]
     note = f"Evaluated with other versions of numpy: scene {version}, specialist 0.1."
     assert [n for n in document["notes"] if "other versions" in n] == [note]
@@ -340,10 +340,10 @@ def test_what_an_interrupted_write_left_is_no_stranger(tmp_path):
 
 def test_a_side_without_predictions_has_no_score_free_numbers_and_no_intervals(tmp_path):
     truth = random_truth("coco", seed=5)
-    nothing = evaluated(tmp_path / "scene", "coco", truth, [])
+    nothing = evaluate(tmp_path / "scene", "coco", truth, [])
     found = random_predictions("coco", truth, seed=6)
-    something = evaluated(tmp_path / "b", "coco", truth, found, kind="baseline")
-    document = compared([nothing, something], tmp_path / "out", draws=5)
+    something = evaluate(tmp_path / "b", "coco", truth, found, kind="baseline")
+    document = compare([nothing, something], tmp_path / "out", draws=5)
     for metric in ("miou_matched", "precision_50", "sq"):
         row = row_of(document, f"class_aware.{metric}", "attempted")
         assert (row["scene"]["value"], row["scene"]["interval"]) == (None, None), metric
@@ -446,7 +446,7 @@ def test_a_write_that_fails_leaves_no_evidence_of_the_earlier_one(made, tmp_path
 
 def test_the_worst_of_several_differences_is_the_one_that_is_named(made, tmp_path):
     sides = [made / "c" / name / "eval" for name in ("scene", "baseline")]
-    compared(sides, tmp_path / "out", draws=5)
+    compare(sides, tmp_path / "out", draws=5)
 
     def differ(document):
         rows = document["pairs"][0]["rows"]

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 from comparison.evaluations import (
     bad,
-    compared,
+    compare,
     depth_scene_and_baseline,
-    evaluated,
+    evaluate,
     forge,
     scene_and_baseline,
 )
@@ -26,9 +26,9 @@ from legoworld.errors import LegoWorldError, UsageError
 def three(tmp_path_factory):
     """Comparison folders of eth3d, lvis and coco, in this order."""
     folder = tmp_path_factory.mktemp("three")
-    compared(depth_scene_and_baseline(folder / "e"), folder / "eth3d", draws=20)
+    compare(depth_scene_and_baseline(folder / "e"), folder / "eth3d", draws=20)
     for task in ("lvis", "coco"):
-        compared(scene_and_baseline(folder / task[0], task), folder / task, draws=20)
+        compare(scene_and_baseline(folder / task[0], task), folder / task, draws=20)
     return [folder / task for task in ("eth3d", "lvis", "coco")]
 
 
@@ -64,7 +64,7 @@ def test_tracks_of_the_same_photos_are_not_called_different(tmp_path):
     """coco and lvis of one set of photos: same ids, same names."""
     folders = []
     for task in ("coco", "lvis"):
-        compared(scene_and_baseline(tmp_path / task[0], task), tmp_path / task, draws=5)
+        compare(scene_and_baseline(tmp_path / task[0], task), tmp_path / task, draws=5)
         folders.append(tmp_path / task)
     document = join_folders(folders, tmp_path / "out")
     assert document.common_images == 12
@@ -120,10 +120,10 @@ def comparison_of(folder, provenances):
     predictions = random_predictions("coco", truth, seed=2, levels=1)
     ids = [str(i["id"]) for i in truth["images"]]
     scenes = {i: {"provenance": p} for i, p in zip(ids, provenances, strict=False)}
-    scene = evaluated(folder / "s", "coco", truth, predictions, scenes=scenes)
-    other = evaluated(folder / "b", "coco", truth, predictions, kind="baseline", baseline="yolo",
+    scene = evaluate(folder / "s", "coco", truth, predictions, scenes=scenes)
+    other = evaluate(folder / "b", "coco", truth, predictions, kind="baseline", baseline="yolo",
                       provenance={"model": "weights 1"})  # fmt: skip
-    return compared((scene, other), folder / "out", draws=5)
+    return compare((scene, other), folder / "out", draws=5)
 
 
 def test_how_scenes_were_made_is_listed_where_it_was_recorded(tmp_path):

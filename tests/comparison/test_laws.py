@@ -9,10 +9,10 @@ import pytest
 from comparison.evaluations import (
     DEPTH_NAMES,
     bad,
-    compared,
+    compare,
     depth_prediction,
     depth_scene_and_baseline,
-    evaluated,
+    evaluate,
     evaluated_depth,
     row_of,
     scene_and_baseline,
@@ -34,7 +34,7 @@ def sides_of(task, folder):
 @pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
 def test_a_run_against_itself_differs_by_nothing_for_sure(task, tmp_path):
     scene, _ = sides_of(task, tmp_path)
-    document = compared((scene, scene), tmp_path / "out")
+    document = compare((scene, scene), tmp_path / "out")
     assert [m["name"] for m in document["methods"]] == ["scene (eval) 1", "scene (eval) 2"]
     defined = [r for r in document["pairs"][0]["rows"] if r["scene"]["value"] is not None]
     assert len(defined) > 20
@@ -49,8 +49,8 @@ def test_a_run_against_itself_differs_by_nothing_for_sure(task, tmp_path):
 @pytest.mark.parametrize("task", ["coco", "lvis", "eth3d"])
 def test_swapping_the_sides_flips_every_sign(task, tmp_path):
     sides = sides_of(task, tmp_path)
-    there = compared(sides, tmp_path / "there")["pairs"][0]
-    back = compared(sides[::-1], tmp_path / "back")["pairs"][0]
+    there = compare(sides, tmp_path / "there")["pairs"][0]
+    back = compare(sides[::-1], tmp_path / "back")["pairs"][0]
     assert there["paired_image_ids"] == back["paired_image_ids"]
     flipped = 0
     for row, other in zip(there["rows"], back["rows"], strict=True):
@@ -82,10 +82,10 @@ def test_shuffled_predictions_give_the_same_bytes(task, tmp_path):
         ]
         folder = tmp_path / str(k)
         sides = (
-            evaluated(folder / "scene", task, truth, shuffled[0]),
-            evaluated(folder / "other", task, truth, shuffled[1], kind="baseline"),
+            evaluate(folder / "scene", task, truth, shuffled[0]),
+            evaluate(folder / "other", task, truth, shuffled[1], kind="baseline"),
         )
-        compared(sides, folder / "out")
+        compare(sides, folder / "out")
         names = sorted(p.name for p in (folder / "out").iterdir())
         assert len(names) == 8
         texts.append(
@@ -99,7 +99,7 @@ def test_the_same_evaluations_give_the_same_bytes_wherever_they_lie(task, tmp_pa
     found = []
     for name in ("one", "two"):
         sides = sides_of(task, tmp_path / name)
-        compared(sides, tmp_path / name / "out")
+        compare(sides, tmp_path / name / "out")
         found.append({p.name: p.read_bytes() for p in (tmp_path / name / "out").iterdir()})
     for name in set(found[0]) - {"evidence.json"}:
         assert found[0][name] == found[1][name]
@@ -116,10 +116,10 @@ def test_sharing_the_draws_narrows_the_interval_of_correlated_sides(tmp_path):
     """The baseline is the scene and a little more: what images are drawn moves both alike."""
     truth = random_truth("coco", seed=8, images=40)
     predictions = random_predictions("coco", truth, seed=9)
-    scene = evaluated(tmp_path / "s", "coco", truth, predictions)
+    scene = evaluate(tmp_path / "s", "coco", truth, predictions)
     fewer = [p for k, p in enumerate(predictions) if k % 9]
-    other = evaluated(tmp_path / "b", "coco", truth, fewer, kind="baseline")
-    document = compared((scene, other), tmp_path / "out", draws=300)
+    other = evaluate(tmp_path / "b", "coco", truth, fewer, kind="baseline")
+    document = compare((scene, other), tmp_path / "out", draws=300)
     found = row_of(document, "AP", "attempted")["difference"]["interval"]
     tables = [table_from(s.matches) for s in read_sides((scene, other))]
     protocol = detection_protocol("coco")
@@ -139,7 +139,7 @@ def test_without_a_paired_image_there_are_no_paired_numbers(task, tmp_path):
         statuses = [dict.fromkeys(ids[::2], "missing"), dict.fromkeys(ids[1::2], "missing")]
         predictions = random_predictions(task, truth, seed=6)
         sides = [
-            evaluated(tmp_path / str(k), task, truth, predictions, statuses=s, kind="baseline")
+            evaluate(tmp_path / str(k), task, truth, predictions, statuses=s, kind="baseline")
             for k, s in enumerate(statuses)
         ]
     else:
@@ -149,7 +149,7 @@ def test_without_a_paired_image_there_are_no_paired_numbers(task, tmp_path):
             evaluated_depth(tmp_path / str(k), {**found, **dict.fromkeys(part, "missing")})
             for k, part in enumerate(parts)
         ]
-    document = compared(sides, tmp_path / "out")
+    document = compare(sides, tmp_path / "out")
     pair = document["pairs"][0]
     assert pair["coverage"]["paired"] == 0
     assert pair["paired_image_ids"] == []
@@ -162,12 +162,12 @@ def test_without_a_paired_image_there_are_no_paired_numbers(task, tmp_path):
 def test_more_baselines_do_not_change_a_pair(tmp_path):
     scene, baseline = scene_and_baseline(tmp_path, "coco")
     truth = random_truth("coco", seed=1)
-    third = evaluated(
+    third = evaluate(
         tmp_path / "third", "coco", truth, random_predictions("coco", truth, seed=44),
         kind="baseline", baseline="another",
     )  # fmt: skip
-    alone = compared((scene, baseline), tmp_path / "alone")
-    both = compared((scene, third, baseline), tmp_path / "both")
+    alone = compare((scene, baseline), tmp_path / "alone")
+    both = compare((scene, third, baseline), tmp_path / "both")
     assert [p["baseline"] for p in both["pairs"]] == ["another", "specialist"]
     assert both["pairs"][1] == alone["pairs"][0]
     assert [m["role"] for m in both["methods"]] == ["scene", "baseline", "baseline"]

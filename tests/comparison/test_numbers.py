@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from comparison.evaluations import (
     DEPTH_NAMES,
-    compared,
+    compare,
     depth_scene_and_baseline,
-    evaluated,
+    evaluate,
     row_of,
     scene_and_baseline,
 )
@@ -46,7 +46,7 @@ def official_on(folder, task, evaluation, image_ids, *, equal):
 @pytest.mark.parametrize("policy", ["", "equal_confidence."])
 def test_paired_numbers_are_the_official_evaluators_on_the_paired_images(task, policy, tmp_path):
     sides = scene_and_baseline(tmp_path, task)
-    document = compared(sides, tmp_path / "out", draws=4)
+    document = compare(sides, tmp_path / "out", draws=4)
     paired = document["pairs"][0]["paired_image_ids"]
     assert 0 < len(paired) < 10
     metrics = detection_protocol(task).metrics
@@ -71,7 +71,7 @@ def test_paired_numbers_are_the_official_evaluators_on_the_paired_images(task, p
 def test_attempted_numbers_and_intervals_are_evaluates_own(task, tmp_path):
     """With its 20 draws and its seed."""
     sides = scene_and_baseline(tmp_path, task)
-    document = compared(sides, tmp_path / "out", draws=20)
+    document = compare(sides, tmp_path / "out", draws=20)
     for name, evaluation in zip(("scene", "baseline"), sides, strict=True):
         summary = json.loads((evaluation / "summary.json").read_text())
         matched = {
@@ -118,7 +118,7 @@ def test_a_selection_of_images_is_weights_of_zero_and_one(task, tmp_path):
 
 def test_the_interval_of_a_difference_is_that_of_the_samples_differences(tmp_path):
     sides = scene_and_baseline(tmp_path, "coco")
-    document = compared(sides, tmp_path / "out", draws=50, seed=7)
+    document = compare(sides, tmp_path / "out", draws=50, seed=7)
     protocol = detection_protocol("coco")
     scene, baseline = (table_from(s.matches) for s in read_sides(sides))
     counts = resample_counts(12, 50, seed=7)
@@ -150,11 +150,11 @@ def test_every_number_of_a_constructed_pair(tmp_path):
         {"image_id": i, "category_id": 5, "bbox": box, "score": 1.0} for i, box in boxes.items()
     ]
     far = {"image_id": a, "category_id": 5, "bbox": [100, 60, 5, 5], "score": 0.9}
-    scene = evaluated(tmp_path / "s", "coco", truth, hits, statuses={b: "missing", d: "timeout"})
-    other = evaluated(
+    scene = evaluate(tmp_path / "s", "coco", truth, hits, statuses={b: "missing", d: "timeout"})
+    other = evaluate(
         tmp_path / "b", "coco", truth, [*hits[:2], far], statuses={c: "failed"}, kind="baseline"
     )
-    document = compared((scene, other), tmp_path / "out")
+    document = compare((scene, other), tmp_path / "out")
     pair = document["pairs"][0]
     assert pair["paired_image_ids"] == [a]
     assert pair["dropped"] == [
@@ -186,7 +186,7 @@ def test_every_number_of_a_constructed_pair(tmp_path):
 
 def test_depth_means(tmp_path):
     sides = depth_scene_and_baseline(tmp_path)
-    document = compared(sides, tmp_path / "out", draws=40)
+    document = compare(sides, tmp_path / "out", draws=40)
     rows = [{r["file_name"]: r for r in read_rows(s / "per_image.jsonl")} for s in sides]
     scored = [[n for n in DEPTH_NAMES if "metrics" in r[n]] for r in rows]
     assert [len(s) for s in scored] == [3, 4]
@@ -228,7 +228,7 @@ def test_depth_means(tmp_path):
 
 def test_depth_intervals_draw_scenes_shared_by_both(tmp_path):
     sides = depth_scene_and_baseline(tmp_path)
-    document = compared(sides, tmp_path / "out", draws=40, seed=3)
+    document = compare(sides, tmp_path / "out", draws=40, seed=3)
     assert document["bootstrap"]["unit"] == "scene"
     rows = [read_rows(s / "per_image.jsonl") for s in sides]
     ids = document["pairs"][0]["paired_image_ids"]
@@ -243,7 +243,7 @@ def test_depth_intervals_draw_scenes_shared_by_both(tmp_path):
     assert (found["low"], found["high"]) == pytest.approx((low, high), abs=1e-15)
     assert found["unit"] == "scene"
     summary = json.loads((sides[0] / "summary.json").read_text())
-    again = compared(sides, tmp_path / "again", draws=20)
+    again = compare(sides, tmp_path / "again", draws=20)
     for metric, by_policy in summary["intervals"].items():
         for policy, interval in by_policy.items():
             row = row_of(again, f"{metric}.{policy}", "scored")["scene"]
@@ -252,7 +252,7 @@ def test_depth_intervals_draw_scenes_shared_by_both(tmp_path):
 
 @pytest.mark.parametrize("task", ["coco", "lvis"])
 def test_every_declared_metric_has_a_row_over_attempted_and_paired_images(task, tmp_path):
-    document = compared(scene_and_baseline(tmp_path, task), tmp_path / "out", draws=3)
+    document = compare(scene_and_baseline(tmp_path, task), tmp_path / "out", draws=3)
     ids = [m.id for m in detection_metrics(task)]
     assert len(set(ids)) == len(ids)
     rows = document["pairs"][0]["rows"]

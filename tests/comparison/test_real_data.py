@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from comparison.evaluations import compared, evaluated, row_of
+from comparison.evaluations import compare, evaluate, row_of
 from evaluation.official import official_with_ids
 
 from legoworld.evaluation.detection.protocols import detection_protocol
@@ -35,9 +35,9 @@ def real(request, real_data, tmp_path):
     keys = ("image_id", "category_id", payload, "score")
     ranked = [{k: p[k] for k in keys} for p in found]
     confident = sorted(ranked, key=lambda p: -p["score"])[: len(ranked) // 4]
-    scene = evaluated(tmp_path / "s", task, truth, [{**p, "score": 1.0} for p in confident],
+    scene = evaluate(tmp_path / "s", task, truth, [{**p, "score": 1.0} for p in confident],
                       statuses=failed, evaluator="fast")  # fmt: skip
-    other = evaluated(tmp_path / "b", task, truth, ranked, statuses={ids[20]: "failed"},
+    other = evaluate(tmp_path / "b", task, truth, ranked, statuses={ids[20]: "failed"},
                       evaluator="fast", kind="baseline", baseline="ranked")  # fmt: skip
     assert len(ids) == n_images
     scored = {a["image_id"] for a in truth["annotations"] if not a.get("iscrowd")}
@@ -46,7 +46,7 @@ def real(request, real_data, tmp_path):
 
 def test_paired_numbers(real, tmp_path):
     task, sides, expected = real
-    document = compared(sides, tmp_path / "out", draws=40)
+    document = compare(sides, tmp_path / "out", draws=40)
     coverage = document["pairs"][0]["coverage"]
     assert coverage["attempted"] == FILES[task][2]
     assert coverage["scene_scored"] == FILES[task][2] - 6

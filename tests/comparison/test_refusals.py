@@ -9,11 +9,11 @@ import pytest
 from comparison.evaluations import (
     DEPTH_NAMES,
     change_json,
-    compared,
+    compare,
     depth_prediction,
     depth_scene_and_baseline,
     depth_truth,
-    evaluated,
+    evaluate,
     evaluated_depth,
     forge,
     scene_and_baseline,
@@ -29,9 +29,9 @@ from legoworld.records.base import UNSET
 from legoworld.records.folders.read_evaluation import EvaluationFolderError
 
 
-def refused(sides, output, match, error: type[LegoWorldError] = IncomparableError, **options):
+def refuses(sides, output, match, error: type[LegoWorldError] = IncomparableError, **options):
     with pytest.raises(error, match=match):
-        compared(sides, output, **options)
+        compare(sides, output, **options)
     assert not (output / "comparison.json").exists()
 
 
@@ -39,14 +39,14 @@ def other_evaluation(folder, truth=None, **options):
     """A baseline's evaluation over `random_truth("coco", seed=1)` or what is given."""
     truth = truth or random_truth("coco", seed=1)
     predictions = random_predictions("coco", truth, seed=3)
-    return evaluated(folder, "coco", truth, predictions, **{"kind": "baseline", **options})
+    return evaluate(folder, "coco", truth, predictions, **{"kind": "baseline", **options})
 
 
 @pytest.fixture
 def scene(tmp_path):
     truth = random_truth("coco", seed=1)
     predictions = random_predictions("coco", truth, seed=2, levels=1)
-    return evaluated(tmp_path / "scene", "coco", truth, predictions, track_sha256="aa" * 32)
+    return evaluate(tmp_path / "scene", "coco", truth, predictions, track_sha256="aa" * 32)
 
 
 def rewritten(folder, name, change):
@@ -58,7 +58,7 @@ def test_another_truth(scene, tmp_path):
     truth = random_truth("coco", seed=1)
     truth["annotations"][0]["area"] += 1
     other = other_evaluation(tmp_path / "b", truth)
-    refused((scene, other), tmp_path / "out", r"found: truth \w{12} and \w{12}; expected")
+    refuses((scene, other), tmp_path / "out", r"found: truth \w{12} and \w{12}; expected")
 
 
 @pytest.mark.parametrize("fact", ["n_truth", "n_ignored_truth"])
@@ -71,16 +71,16 @@ def test_rows_that_count_another_truth(fact, scene, tmp_path):
         path.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
     forge(other, "per_image.jsonl", one_more)
-    refused((scene, other), tmp_path / "out", r"found: the ground truth of image 16; expected")
+    refuses((scene, other), tmp_path / "out", r"found: the ground truth of image 16; expected")
 
 
 def test_another_track(scene, tmp_path):
     other = other_evaluation(tmp_path / "b", track_sha256="bb" * 32)
-    refused((scene, other), tmp_path / "out", "found: track aaaaaaaaaaaa and bbbbbbbbbbbb")
+    refuses((scene, other), tmp_path / "out", "found: track aaaaaaaaaaaa and bbbbbbbbbbbb")
     same = other_evaluation(tmp_path / "c", track_sha256="aa" * 32)
-    compared((scene, same), tmp_path / "same")
+    compare((scene, same), tmp_path / "same")
     unrecorded = other_evaluation(tmp_path / "d")  # its images decide, and they are the same
-    compared((scene, unrecorded), tmp_path / "unrecorded")
+    compare((scene, unrecorded), tmp_path / "unrecorded")
 
 
 def test_other_images(scene, tmp_path):
@@ -88,17 +88,17 @@ def test_other_images(scene, tmp_path):
     first = truth["images"].pop(0)["id"]
     truth["annotations"] = [a for a in truth["annotations"] if a["image_id"] != first]
     other = other_evaluation(tmp_path / "b", truth)
-    refused(
+    refuses(
         (scene, other), tmp_path / "out", r"found: .*images: 1 on one side, such as 10 \(000.jpg\)"
     )
 
 
 def test_another_evaluator(scene, tmp_path):
     fast = other_evaluation(tmp_path / "b", evaluator="fast")
-    refused((scene, fast), tmp_path / "out", r"found: evaluator pycocotools \S+ and hotcoco \S+")
+    refuses((scene, fast), tmp_path / "out", r"found: evaluator pycocotools \S+ and hotcoco \S+")
     newer = other_evaluation(tmp_path / "c")
     rewritten(newer, "summary.json", lambda s: s["evaluator"].update(version="99"))
-    refused(
+    refuses(
         (scene, newer), tmp_path / "out", r"found: evaluator pycocotools \S+ and pycocotools 99"
     )
 
@@ -106,38 +106,38 @@ def test_another_evaluator(scene, tmp_path):
 def test_another_card(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     change_json(other / "evidence.json", lambda e: e["configuration"].update(card_sha256="cc" * 32))
-    refused((scene, other), tmp_path / "out", r"found: card \w{12} and cccccccccccc")
+    refuses((scene, other), tmp_path / "out", r"found: card \w{12} and cccccccccccc")
 
 
 def test_another_dataset_version_and_other_categories(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     rewritten(other, "summary.json", lambda s: s.update(dataset_version="2014"))
-    refused((scene, other), tmp_path / "out", "found: dataset version custom and 2014")
+    refuses((scene, other), tmp_path / "out", "found: dataset version custom and 2014")
     third = other_evaluation(tmp_path / "c")
     rewritten(
         third, "view/run.json", lambda r: r["configuration"].update(vocabulary_sha256="d" * 64)
     )
-    refused((scene, third), tmp_path / "out", r"found: categories \w{12} and dddddddddddd")
+    refuses((scene, third), tmp_path / "out", r"found: categories \w{12} and dddddddddddd")
 
 
 def test_another_task(scene, tmp_path):
     lvis, _ = scene_and_baseline(tmp_path / "l", "lvis")
-    refused((scene, lvis), tmp_path / "out", "found: task coco and lvis")
+    refuses((scene, lvis), tmp_path / "out", "found: task coco and lvis")
     depth, _ = depth_scene_and_baseline(tmp_path / "d")
-    refused((depth, scene), tmp_path / "out", "found: task eth3d and coco")
+    refuses((depth, scene), tmp_path / "out", "found: task eth3d and coco")
 
 
 def test_a_partial_run_on_either_side(scene, tmp_path):
     other = other_evaluation(tmp_path / "b", partial=True)
-    refused((scene, other), tmp_path / "out", "partial run")
-    refused((other, scene), tmp_path / "out", "partial run")
+    refuses((scene, other), tmp_path / "out", "partial run")
+    refuses((other, scene), tmp_path / "out", "partial run")
 
 
 def test_prompts_from_truth_are_allowed_by_name_and_printed_beside_the_score(scene, tmp_path):
     used = {"sha256": "e" * 64, "what": "categories of instances.json"}
     other = other_evaluation(tmp_path / "b", used_truth=used, baseline="prompted")
-    refused((scene, other), tmp_path / "out", "prompted with the ground truth.*instances.json")
-    document = compared((scene, other), tmp_path / "out", allow_truth_prompts=True)
+    refuses((scene, other), tmp_path / "out", "prompted with the ground truth.*instances.json")
+    document = compare((scene, other), tmp_path / "out", allow_truth_prompts=True)
     assert document["methods"][1]["used_truth"] == used
     for suffix in ("md", "tex", "csv"):
         for name in ("table", "coverage"):
@@ -149,37 +149,37 @@ def test_prompts_from_truth_are_allowed_by_name_and_printed_beside_the_score(sce
 def test_a_changed_evaluation(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     change_json(other / "summary.json", lambda s: s["metrics"].update(AP=0.99))
-    refused((scene, other), tmp_path / "out", "is not what was written",
+    refuses((scene, other), tmp_path / "out", "is not what was written",
             EvaluationChangedError)  # fmt: skip
     (other / "matches.npz").unlink()
     change_json(other / "evidence.json", lambda e: e["files"].pop("matches.npz"))
-    refused((scene, other), tmp_path / "out", r"no matches\.npz", EvaluationChangedError)
+    refuses((scene, other), tmp_path / "out", r"no matches\.npz", EvaluationChangedError)
 
 
 def test_what_is_no_evaluation(scene, tmp_path):
     (tmp_path / "empty").mkdir()
-    refused((scene, tmp_path / "empty"), tmp_path / "out", "no finished", EvaluationFolderError)
-    refused((scene,), tmp_path / "out", "two evaluations", UsageError)
+    refuses((scene, tmp_path / "empty"), tmp_path / "out", "no finished", EvaluationFolderError)
+    refuses((scene,), tmp_path / "out", "two evaluations", UsageError)
 
 
 def test_the_folder_of_an_evaluation_is_not_written_into(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
     before = {p: p.read_bytes() for p in scene.rglob("*") if p.is_file()}
     with pytest.raises(LegoWorldError, match="other than a comparison"):
-        compared((scene, other), scene, overwrite=True)
+        compare((scene, other), scene, overwrite=True)
     assert {p: p.read_bytes() for p in scene.rglob("*") if p.is_file()} == before
 
 
 def test_another_comparison_in_the_folder(scene, tmp_path):
     other = other_evaluation(tmp_path / "b")
-    compared((scene, other), tmp_path / "out", draws=5)
-    compared((scene, other), tmp_path / "out", draws=5)
+    compare((scene, other), tmp_path / "out", draws=5)
+    compare((scene, other), tmp_path / "out", draws=5)
     with pytest.raises(LegoWorldError, match=r"different comparison.*draws: 5 -> 6"):
-        compared((scene, other), tmp_path / "out", draws=6)
-    assert compared((scene, other), tmp_path / "out", draws=6, overwrite=True)
+        compare((scene, other), tmp_path / "out", draws=6)
+    assert compare((scene, other), tmp_path / "out", draws=6, overwrite=True)
     third = other_evaluation(tmp_path / "c", baseline="other")
     with pytest.raises(LegoWorldError, match=r"different comparison.*evaluation 1"):
-        compared((scene, third), tmp_path / "out", draws=6)
+        compare((scene, third), tmp_path / "out", draws=6)
 
 
 def test_distinct_names():
@@ -213,13 +213,13 @@ def test_a_scene_read_out_smaller_stands_beside_nothing_of_full_size(tmp_path):
     large = depth_run(tmp_path / "large", depth_prediction(0.3, seed=1), max_side=4000)
     network = depth_run(tmp_path / "network", resampled_depth(), kind="baseline")
     upsampled = depth_run(tmp_path / "up", depth_prediction(0.1, seed=3), kind="baseline")
-    refused((small, full), tmp_path / "o", "depth resampled from 20 px and of full size")
-    refused((full, small), tmp_path / "o", "depth of full size and resampled from 20 px")
-    refused((small, upsampled), tmp_path / "o", "resampled from 20 px and 4 images of full size")
-    compared((small, again), tmp_path / "1")
-    compared((small, network), tmp_path / "2")
-    compared((full, large), tmp_path / "3")
-    document = compared((full, network), tmp_path / "4")
+    refuses((small, full), tmp_path / "o", "depth resampled from 20 px and of full size")
+    refuses((full, small), tmp_path / "o", "depth of full size and resampled from 20 px")
+    refuses((small, upsampled), tmp_path / "o", "resampled from 20 px and 4 images of full size")
+    compare((small, again), tmp_path / "1")
+    compare((small, network), tmp_path / "2")
+    compare((full, large), tmp_path / "3")
+    document = compare((full, network), tmp_path / "4")
     assert any("4 of 4 depth maps are smaller than the truth" in n for n in document["notes"])
 
 
@@ -238,33 +238,33 @@ def test_camera_models_may_differ_between_a_scene_and_a_baseline_alone(tmp_path)
     warped = evaluated_as("warped", "scene", "dataset")
     flat = evaluated_as("flat", "scene", "none")
     baseline = evaluated_as("baseline", "baseline", "none")
-    refused((warped, flat), tmp_path / "o", "found: camera model dataset and none")
-    document = compared((warped, baseline), tmp_path / "o")
+    refuses((warped, flat), tmp_path / "o", "found: camera model dataset and none")
+    document = compare((warped, baseline), tmp_path / "o")
     assert [m["camera_model"] for m in document["methods"]] == ["dataset", "none"]
     assert any(n.startswith("Camera model: scene dataset, ") for n in document["notes"])
     assert "camera_model" not in document["protocol"]
-    compared((flat, baseline), tmp_path / "p")
+    compare((flat, baseline), tmp_path / "p")
     # Two scenes, both warped: by one calibration only.
     other = write_eth3d(tmp_path / "other", truth, camera=camera.replace("30 30 20", "31 30 20"))
-    compared((warped, evaluated_as("both", "scene", "dataset")), tmp_path / "q")
+    compare((warped, evaluated_as("both", "scene", "dataset")), tmp_path / "q")
     made = write_depth_run(tmp_path / "elsewhere", predictions)
     evaluate_depth(made, other, tmp_path / "elsewhere-eval", camera_model="dataset", draws=5)
-    refused((warped, tmp_path / "elsewhere-eval"), tmp_path / "o2", "found: calibration; expected")
+    refuses((warped, tmp_path / "elsewhere-eval"), tmp_path / "o2", "found: calibration; expected")
 
 
 def test_another_depth_truth(tmp_path):
     scene, _ = depth_scene_and_baseline(tmp_path / "one")
     (tmp_path / "two").mkdir()
     other = evaluated_depth(tmp_path / "two" / "b", depth_prediction(0.1, seed=4), kind="baseline")
-    compared((scene, other), tmp_path / "fine")
+    compare((scene, other), tmp_path / "fine")
     rows = (other / "per_image.jsonl").read_text().replace('"n_valid":3', '"n_valid":4')
     assert rows != (other / "per_image.jsonl").read_text()
     forge(other, "per_image.jsonl", lambda path: path.write_text(rows))
-    refused((scene, other), tmp_path / "out", "the ground truth of image 5")
+    refuses((scene, other), tmp_path / "out", "the ground truth of image 5")
     rows = rows.replace('"n_valid":4', '"n_valid":3')
     rows = rows.replace('"truth_wh":[40,30]', '"truth_wh":[40,31]', 1)
     forge(other, "per_image.jsonl", lambda path: path.write_text(rows))
-    refused((scene, other), tmp_path / "out", r"found: the ground truth of image \d; expected")
+    refuses((scene, other), tmp_path / "out", r"found: the ground truth of image \d; expected")
     evidence = json.loads((scene / "evidence.json").read_text())
     assert sum(e["role"] == "truth" for e in evidence["inputs"]) == 5
 

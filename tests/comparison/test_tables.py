@@ -110,7 +110,7 @@ COVERAGE_MD = r"""| task | attempted | with truth | method | scored | against | 
 """  # noqa: E501
 
 
-def filled(kind: type[Any], **known: Any) -> Any:
+def fill_record(kind: type[Any], **known: Any) -> Any:
     """A record of what tables show; other fields that it must have are None."""
     required = {field.name: None for field in msgspec.structs.fields(kind) if field.required}
     return kind(**required | known)
@@ -118,12 +118,12 @@ def filled(kind: type[Any], **known: Any) -> Any:
 
 def side(kind: type[Any], said: dict[str, Any]) -> Any:
     ends = said["interval"]
-    return filled(kind, **said | {"interval": filled(Interval, **ends) if ends else None})
+    return fill_record(kind, **said | {"interval": fill_record(Interval, **ends) if ends else None})
 
 
 def row(said: dict[str, Any]) -> Any:
     sides = {name: side(Measured, said[name]) for name in ("scene", "baseline")}
-    return filled(
+    return fill_record(
         ComparisonRow, **said | sides | {"difference": side(Difference, said["difference"])}
     )
 
@@ -134,12 +134,12 @@ def pair(said: dict[str, Any]) -> Any:
         "dropped": [SimpleNamespace(**one) for one in said["dropped"]],
         "rows": [row(one) for one in said["rows"]],
     }
-    return filled(Pair, **said | parts)
+    return fill_record(Pair, **said | parts)
 
 
 def comparison(said: dict[str, Any]) -> Any:
     parts = {name: SimpleNamespace(**said[name]) for name in ("evaluator", "bootstrap")}
-    return filled(Comparison, **said | parts | {"pairs": [pair(one) for one in said["pairs"]]})
+    return fill_record(Comparison, **said | parts | {"pairs": [pair(one) for one in said["pairs"]]})
 
 
 def test_tables_to_the_last_cell():
@@ -166,7 +166,7 @@ def test_several_methods_are_rows_and_joined_comparisons_show_their_headlines():
     )
     assert lines[2].startswith("| coco | AP ↑ | s_1 | 0.2500 [0.1250, 0.5000] | b\\|2 | 0.7500 |")
     assert [line.split(" | ")[4] for line in lines[2:6]] == ["b\\|2", "b\\|2", "c", "c"]
-    joined = filled(JoinedComparison, comparisons=[comparison(DOCUMENT)], notes=["Joined."])
+    joined = fill_record(JoinedComparison, comparisons=[comparison(DOCUMENT)], notes=["Joined."])
     lines = rendered_tables(joined)["table.md"].splitlines()
     assert [line.split(" | ")[1] for line in lines[2:3]] == ["AP ↑"]
     assert lines[3] == ""

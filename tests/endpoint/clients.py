@@ -56,7 +56,7 @@ class Client:
         return message
 
 
-class Served:
+class ServedSession:
     """A served session: its port, its folders, its record."""
 
     def __init__(self, folder: Path, session: Session, server: EndpointServer) -> None:
@@ -76,7 +76,7 @@ class Served:
 
 
 @contextmanager
-def served(
+def serve_session(
     folder: Path,
     *,
     limits: SandboxLimits = LIMITS,
@@ -84,7 +84,7 @@ def served(
     network: bool = False,
     call_time_s: float = 300.0,
     blend: Path | None = None,
-) -> Iterator[Served]:
+) -> Iterator[ServedSession]:
     """An endpoint on a free port."""
     (folder / "workspace").mkdir(exist_ok=True, parents=True)
     session = Session(
@@ -92,7 +92,7 @@ def served(
             workspace=folder / "workspace",
             record=folder / "record",
             limits=limits,
-            held=protections(confinement, network=network),
+            protections=protections(confinement, network=network),
             call_time_s=call_time_s,
             blend=blend,
         )
@@ -100,6 +100,6 @@ def served(
     with (
         closing(session),
         EndpointServer(session, 0) as server,
-        closing(Served(folder, session, server)) as found,
+        closing(ServedSession(folder, session, server)) as found,
     ):
         yield found

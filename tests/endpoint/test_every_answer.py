@@ -82,7 +82,7 @@ def trial_in(folder) -> Trial:
         workspace=folder / "workspace",
         record=folder / "record",
         limits=LIMITS,
-        held=protections("limits"),
+        protections=protections("limits"),
     )
 
 
@@ -245,13 +245,13 @@ def test_what_is_served_and_what_is_kept_from_it_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(session_module, "LiveBlender", Saving)
     held = protections("limits")
     serving = EndpointOptions(
-        scene=None, port=0, workspace=tmp_path / "work", inputs=(), held=held, limits=LIMITS,
+        scene=None, port=0, workspace=tmp_path / "work", inputs=(), protections=held, limits=LIMITS,
         call_time_s=300.0,
     )  # fmt: skip
     said: list[list[str]] = []
     for held_now in (held, replace(held, why_not=None)):
         said.append([])
-        with open_endpoint(replace(serving, held=held_now), notice=said[-1].append) as port:
+        with open_endpoint(replace(serving, protections=held_now), notice=said[-1].append) as port:
             client = Client(port)
             with closing(client.line):
                 client.run("1")

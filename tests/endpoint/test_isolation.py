@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from endpoint.clients import LIMITS, served
+from endpoint.clients import LIMITS, serve_session
 from workers.confinements import bubblewrap_or_skip
 
 from legoworld.workers.descendants import descendants
@@ -29,14 +29,14 @@ COUNT = "print(len(bpy.data.objects))"
 
 def test_secrets_of_the_caller_do_not_reach_the_code(confinement, tmp_path, monkeypatch):
     monkeypatch.setenv("OPENAI_API_KEY", "very-secret")
-    with served(tmp_path, confinement=confinement) as endpoint:
+    with serve_session(tmp_path, confinement=confinement) as endpoint:
         printed = endpoint.client().run("import os; print(dict(os.environ))")
     assert "very-secret" not in printed
     assert str(Path.home()) + "'" not in printed
 
 
 def test_nothing_is_written_outside_of_the_workspace(bubblewrap, tmp_path):
-    with served(tmp_path) as endpoint:
+    with serve_session(tmp_path) as endpoint:
         client = endpoint.client()
         client.run("open('inside.txt', 'w').write('x')")
         assert (endpoint.workspace / "inside.txt").read_text() == "x"
@@ -55,9 +55,9 @@ def test_there_is_a_network_only_where_it_is_given(bubblewrap, tmp_path, network
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         code = f"import socket; print(socket.create_connection(('127.0.0.1', {port}), 3).fileno())"
-        with served(tmp_path, network=network) as endpoint:
+        with serve_session(tmp_path, network=network) as endpoint:
             status = endpoint.client().ask("execute_code", code=code)["status"]
-            held = endpoint.session._trial.held
+            held = endpoint.session._trial.protections
     assert status == ("success" if network else "error")
     assert ("network" in held.holds) is not network
 
@@ -72,7 +72,7 @@ def test_there_is_a_network_only_where_it_is_given(bubblewrap, tmp_path, network
     ],
 )
 def test_a_crash_is_an_answer_and_the_scene_survives(confinement, tmp_path, crash):
-    with served(tmp_path, confinement=confinement) as endpoint:
+    with serve_session(tmp_path, confinement=confinement) as endpoint:
         client = endpoint.client()
         client.run(CUBE)
         said = client.refused("bpy.data.objects.remove(bpy.data.objects[0])\n" + crash)
@@ -95,7 +95,7 @@ PLENTY_S = 300.0
 
 
 def test_code_that_does_not_end_is_stopped_and_the_scene_goes_on(confinement, tmp_path):
-    with served(tmp_path, confinement=confinement) as endpoint:
+    with serve_session(tmp_path, confinement=confinement) as endpoint:
         client = endpoint.client()
         give_calls(endpoint, PLENTY_S)
         assert client.run(COUNT) == "3\n"
@@ -118,7 +118,7 @@ def test_code_that_does_not_end_is_stopped_and_the_scene_goes_on(confinement, tm
 def test_code_that_cannot_be_stopped_is_ended_with_its_blender(tmp_path, monkeypatch):
     monkeypatch.setattr("legoworld.endpoint.blender._GRACE_S", 2.0)
     stubborn = "import signal; signal.pthread_sigmask(0, [signal.SIGALRM])\nwhile True: pass"
-    with served(tmp_path) as endpoint:
+    with serve_session(tmp_path) as endpoint:
         client = endpoint.client()
         give_calls(endpoint, PLENTY_S)
         client.run(CUBE)
@@ -150,7 +150,7 @@ def test_a_limit_is_an_answer(tmp_path, code, said):
     limits = SandboxLimits(
         time_s=600, memory_bytes=1 << 30, disk_bytes=100 << 20, output_bytes=4 << 20, processes=50
     )
-    with served(tmp_path, limits=limits) as endpoint:
+    with serve_session(tmp_path, limits=limits) as endpoint:
         client = endpoint.client()
         client.run(CUBE)
         assert re.search(said, client.refused(code))
@@ -164,7 +164,7 @@ def test_the_trial_s_time_is_the_end(tmp_path):
     for seconds in (6.0, 30.0, 120.0):  # the first is over before a busy machine's Blender starts
         folder = tmp_path / f"{seconds:g}"
         limits = SandboxLimits(time_s=seconds, memory_bytes=LIMITS.memory_bytes)
-        with served(folder, limits=limits) as endpoint:
+        with serve_session(folder, limits=limits) as endpoint:
             client = endpoint.client()
             if client.ask("execute_code", code=CUBE)["status"] != "success":
                 continue
@@ -177,7 +177,7 @@ def test_the_trial_s_time_is_the_end(tmp_path):
 
 
 def test_what_the_agent_saved_is_kept_whatever_it_does_to_it_later(tmp_path):
-    with served(tmp_path) as endpoint:
+    with serve_session(tmp_path) as endpoint:
         client = endpoint.client()
         path = str(endpoint.workspace / "scene.blend")
         client.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r})")
@@ -194,7 +194,7 @@ def test_a_scene_to_begin_with_is_never_written(tmp_path, build_scenes):
     build_scenes("fresh(); camera(); quad('Mine'); save('given')", tmp_path)
     given = tmp_path / "given" / "scene.blend"
     before = given.read_bytes()
-    with served(tmp_path, blend=given) as endpoint:
+    with serve_session(tmp_path, blend=given) as endpoint:
         client = endpoint.client()
         assert client.run("print([o.name for o in bpy.data.objects])") == "['Camera', 'Mine']\n"
         client.run("bpy.data.objects['Mine'].location.x = 3\nbpy.ops.wm.save_mainfile()")
@@ -204,15 +204,15 @@ def test_a_scene_to_begin_with_is_never_written(tmp_path, build_scenes):
 
 
 def test_the_same_folder_continues_with_the_last_scene(tmp_path):
-    with served(tmp_path) as endpoint:
+    with serve_session(tmp_path) as endpoint:
         endpoint.client().run(CUBE)
-    with served(tmp_path) as endpoint:
+    with serve_session(tmp_path) as endpoint:
         assert endpoint.client().run(COUNT) == "4\n"
         assert [c.number for c in endpoint.session.record.calls] == [1, 2]
 
 
 def test_nothing_runs_when_it_is_closed(confinement, tmp_path):
     mine = descendants(os.getpid())
-    with served(tmp_path, confinement=confinement) as endpoint:
+    with serve_session(tmp_path, confinement=confinement) as endpoint:
         endpoint.client().run("import os, time\nif not os.fork(): os.setsid(); time.sleep(999)")
     assert [p for p in descendants(os.getpid()) if p not in mine] == []

@@ -31,7 +31,7 @@ line.recv(1)
 """
 
 
-def started(folder, monkeypatch, text: str) -> LiveBlender:
+def start_blender(folder, monkeypatch, text: str) -> LiveBlender:
     """Start a program with these words in the place of Blender's Python."""
     program = folder / "program"
     program.write_text(f"#!{sys.executable}\n{text}")
@@ -42,7 +42,7 @@ def started(folder, monkeypatch, text: str) -> LiveBlender:
 
 
 def test_an_answer_in_pieces_is_whole(tmp_path, monkeypatch):
-    with started(tmp_path, monkeypatch, ANSWERS) as live:
+    with start_blender(tmp_path, monkeypatch, ANSWERS) as live:
         reply = live.ask("look", {"text": "x" * 100}, 300.0)
     assert reply.result
     words, kind, params = reply.result
@@ -60,7 +60,7 @@ def test_an_answer_in_pieces_is_whole(tmp_path, monkeypatch):
 )
 def test_why_it_ended_is_said(tmp_path, monkeypatch, ends, said):
     with pytest.raises(BlenderEndedError, match=said) as ended:
-        started(tmp_path, monkeypatch, f"import os, sys\n{ends}\n")
+        start_blender(tmp_path, monkeypatch, f"import os, sys\n{ends}\n")
     assert ended.value.limit is None
     assert ended.value.killed == ("SIGKILL" in said)
     assert "first" not in str(ended.value)

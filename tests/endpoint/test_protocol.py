@@ -8,7 +8,7 @@ import threading
 import cv2
 import numpy as np
 import pytest
-from endpoint.clients import served
+from endpoint.clients import serve_session
 from waiting import until
 
 pytestmark = pytest.mark.blender
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.blender
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory):
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
+    with serve_session(tmp_path_factory.mktemp("endpoint")) as found:
         yield found
 
 

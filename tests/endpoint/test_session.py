@@ -46,8 +46,10 @@ class Blender:
         (self.files / "output").mkdir(parents=True)
         self.started, self.asked, self.closed = [], [], 0
 
-    def __call__(self, workspace, limits, held, **how):
-        self.started.append(SimpleNamespace(workspace=workspace, limits=limits, held=held, **how))
+    def __call__(self, workspace, limits, protections, **how):
+        self.started.append(
+            SimpleNamespace(workspace=workspace, limits=limits, protections=protections, **how)
+        )
         return self
 
     def __enter__(self):
@@ -77,7 +79,7 @@ class Blender:
         self.closed += 1
 
 
-def said(result=None, error=None, seconds=0.0, stopped=False):
+def reply_of(result=None, error=None, seconds=0.0, stopped=False):
     return BlenderReply(result=result, error=error, seconds=seconds, stopped=stopped)
 
 
@@ -91,7 +93,7 @@ def live(tmp_path, monkeypatch):
 
 def trial_in(folder, **how) -> Trial:
     known = {"workspace": folder / "workspace", "record": folder / "record", "limits": LIMITS}
-    return Trial(**{**known, "held": HELD, **how})
+    return Trial(**{**known, "protections": HELD, **how})
 
 
 def test_a_session_starts_blender_with_what_the_trial_says(tmp_path, live):
@@ -102,7 +104,7 @@ def test_a_session_starts_blender_with_what_the_trial_says(tmp_path, live):
         session.start()
         session.start()
         (begun,) = live.started
-        assert (begun.workspace, begun.held, begun.blend) == (trial.workspace, HELD, scene)
+        assert (begun.workspace, begun.protections, begun.blend) == (trial.workspace, HELD, scene)
         assert (begun.inputs, begun.lease) == (inputs, 5)
         assert 590 < begun.limits.time_s <= 600
         assert replace(begun.limits, time_s=600.0) == LIMITS
@@ -116,10 +118,10 @@ def test_a_session_starts_blender_with_what_the_trial_says(tmp_path, live):
 def test_each_call_is_a_row_of_what_was_sent_and_what_came_of_it(tmp_path, live):
     long = "é " * 300
     live.replies = [
-        said({"result": long}, seconds=1.23456789),
-        said(error="no\nsuch name", seconds=0.5),
-        said(error="stopped", stopped=True),
-        said(["no words"]),
+        reply_of({"result": long}, seconds=1.23456789),
+        reply_of(error="no\nsuch name", seconds=0.5),
+        reply_of(error="stopped", stopped=True),
+        reply_of(["no words"]),
         BlenderEndedError("it is over", limit="time"),
         BlenderEndedError("it crashed", limit="memory"),
         LegoWorldError("not this", found="that"),
@@ -160,7 +162,7 @@ def test_each_call_is_a_row_of_what_was_sent_and_what_came_of_it(tmp_path, live)
 
 def test_a_call_has_no_more_time_than_is_left(tmp_path, live):
     with closing(Session(trial_in(tmp_path, call_time_s=7.0))) as session:
-        live.replies = [said({}), said({})]
+        live.replies = [reply_of({}), reply_of({})]
         session.answer(CODE)
         assert live.asked[-2][0:2] == ("execute_code", {"code": "1"})
         assert live.asked[-2][2] == 7.0
@@ -174,7 +176,14 @@ def test_a_call_has_no_more_time_than_is_left(tmp_path, live):
 
 
 def test_only_code_makes_a_checkpoint_and_only_of_another_scene(tmp_path, live):
-    live.replies = [said({}), said({}), said({}), said({}), said({"success": True}), said({})]
+    live.replies = [
+        reply_of({}),
+        reply_of({}),
+        reply_of({}),
+        reply_of({}),
+        reply_of({"success": True}),
+        reply_of({}),
+    ]
     (live.files / "output" / "screenshot.png").write_bytes(PNG)
     look = Command(
         type="get_viewport_screenshot",
@@ -200,7 +209,7 @@ def test_only_code_makes_a_checkpoint_and_only_of_another_scene(tmp_path, live):
 
 def test_a_screenshot_that_failed_delivers_nothing(tmp_path, live):
     target = tmp_path / "workspace" / "look.png"
-    live.replies = [said({"success": False}), said("words"), said({"success": True})]
+    live.replies = [reply_of({"success": False}), reply_of("words"), reply_of({"success": True})]
     look = Command(type="get_viewport_screenshot", params={"filepath": str(target)})
     with closing(Session(trial_in(tmp_path))) as session:
         assert session.answer(look).result == {"success": False}
@@ -211,14 +220,14 @@ def test_a_screenshot_that_failed_delivers_nothing(tmp_path, live):
 
 
 def test_an_export_stays_in_the_workspace(tmp_path, live):
-    live.replies = [said({"done": 1})]
+    live.replies = [reply_of({"done": 1})]
     inside = {"filepath": str(tmp_path / "workspace" / "a.glb")}
     with closing(Session(trial_in(tmp_path))) as session:
         answer = session.answer(Command(type="export_scene", params=inside))
         assert answer.result == {"done": 1}
         for wrong in ({"filepath": 5}, {}, {"filepath": str(tmp_path / "a.glb")}, None):
             refused = session.answer(Command(type="export_scene", params=wrong))
-            assert "writes to the workspace alone" in refused.message
+            assert "writes only to the workspace" in refused.message
             assert f"a path below {(tmp_path / 'workspace').resolve()}" in refused.message
         assert "found: None" in session.record.calls[-1].said
     assert [params for kind, params, _ in live.asked if kind == "export_scene"] == [inside]
@@ -227,7 +236,7 @@ def test_an_export_stays_in_the_workspace(tmp_path, live):
 def test_a_saved_scene_is_kept_when_it_is_another(tmp_path, live):
     workspace = tmp_path / "workspace"
     (workspace / "scene.blend").write_bytes(b"BLENDER before")
-    live.scene, live.replies = None, [said({})] * 4
+    live.scene, live.replies = None, [reply_of({})] * 4
     with closing(Session(trial_in(tmp_path))) as session:
         session.answer(CODE)
         assert session.record.checkpoints == [], "it was there before"
@@ -253,7 +262,7 @@ def test_a_continued_session_goes_on_after_its_last_call(tmp_path, live):
         said="", checkpoint=None,
     )  # fmt: skip
     record.note(row)
-    live.replies = [said({})]
+    live.replies = [reply_of({})]
     with closing(Session(trial_in(tmp_path))) as session:
         session.answer(CODE)
         second = session.record.calls[1]
@@ -338,16 +347,16 @@ def exporting(tmp_path, monkeypatch):
 def export(tmp_path, **how):
     return export_submission(
         tmp_path / "stored.blend", tmp_path / "made", workspace=tmp_path / "workspace",
-        limits=LIMITS, held=HELD, blender="it", **how,
+        limits=LIMITS, protections=HELD, blender="it", **how,
     )  # fmt: skip
 
 
 def test_a_scene_is_exported_from_the_workspace_with_room_for_it(tmp_path, exporting):
     (tmp_path / "workspace" / "full").write_bytes(bytes(1 << 20))
-    exporting.replies = [said({"warnings": ["a\nb", 5]}), said({})]
+    exporting.replies = [reply_of({"warnings": ["a\nb", 5]}), reply_of({})]
     assert export(tmp_path) == ["a b", "5", "picture it"]
     (begun,) = exporting.started
-    assert (begun.workspace, begun.held) == (tmp_path / "workspace", HELD)
+    assert (begun.workspace, begun.protections) == (tmp_path / "workspace", HELD)
     assert begun.blend == tmp_path / "workspace" / ".finalised.blend"
     assert exporting.opened == [b"BLENDER stored"]
     assert (begun.limits.time_s, begun.limits.memory_bytes) == (300.0, LIMITS.memory_bytes)
@@ -362,7 +371,7 @@ def test_a_scene_is_exported_from_the_workspace_with_room_for_it(tmp_path, expor
 
 
 def test_a_scene_without_a_gltf_is_delivered_and_a_bad_one_is_not(tmp_path, exporting, monkeypatch):
-    exporting.leaves, exporting.replies = {"scene.blend": b"b"}, [said(), said()]
+    exporting.leaves, exporting.replies = {"scene.blend": b"b"}, [reply_of(), reply_of()]
     assert export(tmp_path) == ["picture it"]
     exporting.leaves["scene.glb"] = b"g"
 
@@ -377,7 +386,7 @@ def test_a_scene_without_a_gltf_is_delivered_and_a_bad_one_is_not(tmp_path, expo
 
 
 def test_what_cannot_be_saved_is_no_submission(tmp_path, exporting):
-    exporting.replies = [said(error="no memory"), said()]
+    exporting.replies = [reply_of(error="no memory"), reply_of()]
     with pytest.raises(SceneInvalidError, match=r"could not be exported.*no memory"):
         export(tmp_path)
     exporting.leaves = {}
@@ -401,7 +410,8 @@ def test_the_last_save_that_opens_is_the_submission_else_the_open_scene(tmp_path
 
     def export(blend, made, **how):
         tried.append(blend.stem)
-        assert (made, how) == ("made", {"workspace": "w", "limits": "l", "held": "h", "blender": 1})
+        assert made == "made"
+        assert how == {"workspace": "w", "limits": "l", "protections": "h", "blender": 1}
         if blend.stem in bad:
             raise bad[blend.stem]
         return ["warned"]
@@ -409,7 +419,7 @@ def test_the_last_save_that_opens_is_the_submission_else_the_open_scene(tmp_path
     monkeypatch.setattr(finalisation, "export_submission", export)
 
     def finalised():
-        return finalise(record, "made", workspace="w", limits="l", held="h", blender=1)
+        return finalise(record, "made", workspace="w", limits="l", protections="h", blender=1)
 
     found = finalised()
     assert (found.source, found.checkpoint, found.sha256) == ("saved", 7, "f")
@@ -451,7 +461,7 @@ def test_a_blender_that_was_killed_opens_the_same_scene_once_more(
         return [blend.stem]
 
     monkeypatch.setattr(finalisation, "export_submission", export)
-    found = finalise(record, "made", workspace="w", limits="l", held="h", blender=1)
+    found = finalise(record, "made", workspace="w", limits="l", protections="h", blender=1)
     assert (found.warnings, len(found.refused)) == ((opened,), kills - 1)
     (tmp_path / "workspace").mkdir()
     left = [BlenderEndedError("SIGKILL", killed=True)] * kills
@@ -497,7 +507,7 @@ def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_pat
     assert (memory, closed, where) == (3 << 30, "closed", output)
     assert (kept.kind, kept.call, kept.at_s) == ("saved", 1, 45.0)
     assert how == {
-        "workspace": workspace, "held": HELD, "blender": "the blender",
+        "workspace": workspace, "protections": HELD, "blender": "the blender",
         "limits": SandboxLimits(time_s=600.0, memory_bytes=3 << 30),
     }  # fmt: skip
     blender_finalise(workspace, output)
@@ -508,7 +518,7 @@ def test_a_workspace_is_finalised_with_what_it_saved_after_its_last_call(tmp_pat
 
 def serving(tmp_path, **how):
     known = {"scene": None, "port": 0, "workspace": tmp_path / "workspace", "inputs": (),
-             "held": HELD, "limits": LIMITS, "call_time_s": 30.0}  # fmt: skip
+             "protections": HELD, "limits": LIMITS, "call_time_s": 30.0}  # fmt: skip
     return EndpointOptions(**{**known, **how})
 
 
@@ -518,7 +528,7 @@ def test_an_endpoint_opens_its_scene_and_says_where_it_is_kept(tmp_path, live):
     with open_endpoint(options, notice=notices.append) as port:
         (begun,) = live.started
         assert (begun.blend, begun.inputs) == (options.scene, (tmp_path,))
-        live.replies = [said({})]
+        live.replies = [reply_of({})]
         with socket.create_connection((HOST, port), timeout=60) as line:
             line.sendall(b'{"type": "get_scene_info"}')
             assert json.loads(line.recv(4096))["status"] == "success"
@@ -561,7 +571,7 @@ def test_what_is_no_message_is_answered_before_the_line_closes(tmp_path, live):
             answer = json.loads(line.makefile("rb").read())
             assert answer["message"] == "a message is a JSON object and begins with {"
         by = EndpointServer(session, 0, by="plugin")
-        live.replies = [said({})]
+        live.replies = [reply_of({})]
         with by, socket.create_connection((HOST, by.port), timeout=60) as line:
             line.sendall(b'{"type": "get_scene_info"}')
             line.recv(4096)

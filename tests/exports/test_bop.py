@@ -19,7 +19,7 @@ from legoworld.exports.bop_models import diameter
 CUBES = (CUBE, FACES)
 
 
-def written(tmp_path, *views):
+def write(tmp_path, *views):
     made = write_views(views, tmp_path / "bop")
     return made, tmp_path / "bop"
 
@@ -43,7 +43,7 @@ def square(values, n):
      (0.5, (2500, 2500, 2500), (1250, 1250, 2500))],
 )  # fmt: skip
 def test_plates_are_counted_as_bop_counts_and_exactly(tmp_path, moved, a, b):
-    _, folder = written(tmp_path, two_plates(moved))
+    _, folder = write(tmp_path, two_plates(moved))
     for info, (inside, visible, whole) in zip(table(folder, "gt_info")["0"], (a, b), strict=True):
         assert info["px_count_all"] == whole
         assert info["px_count_valid"] == inside
@@ -63,7 +63,7 @@ def test_what_bop_calls_visible_is_hidden_ten_millimetres_behind_a_sheet(tmp_pat
     model = np.array([510, 510, 520, 900], np.float32)
     assert visible_bop19(measured, model).tolist() == [True, True, False, True]
     view = made_view(("wall", "wall", 0.5, (0, 2.01, 0)), ("paper", "paper", 1, (0, 2, 0)))
-    _, folder = written(tmp_path, view)
+    _, folder = write(tmp_path, view)
     hidden = table(folder, "gt_info")["0"][0]
     assert hidden["px_count_visib"] == hidden["px_count_all"] > 0
     assert hidden["exact"]["visible_px"] == 0
@@ -79,7 +79,7 @@ def test_models_in_their_poses_are_the_scene(tmp_path):
         ("mirrored", "tray", np.diag([-0.5, 0.5, 0.5]), (0.0, 3.0, 1.0)),
         ("unlabelled", None, 1, (0.0, 9.0, 0.0)),
     ]
-    _, folder = written(tmp_path, made_view(*placed, shape=CUBES, unit_scale=0.1))
+    _, folder = write(tmp_path, made_view(*placed, shape=CUBES, unit_scale=0.1))
     poses, camera = table(folder, "gt")["0"], table(folder, "camera")["0"]
     assert [(p["name"], p["category"]) for p in poses] == [(n, c) for n, c, _, _ in placed[:4]]
     ids = [pose["obj_id"] for pose in poses]
@@ -114,7 +114,7 @@ def test_models_in_their_poses_are_the_scene(tmp_path):
 
 
 def test_depth_masks_and_targets(tmp_path):
-    made, folder = written(
+    made, folder = write(
         tmp_path,
         two_plates(0.25, scene="a"),
         made_view(("far", "wall", 30, (0, 20, 0)), scene="b"),
@@ -143,7 +143,7 @@ def test_depth_masks_and_targets(tmp_path):
 def test_an_orthographic_camera_is_refused(tmp_path):
     flat = replace(LEVEL, type="ORTHO", ortho_scale=4.0)
     with pytest.raises(UsageError, match="BOP cannot hold an orthographic camera"):
-        written(tmp_path, two_plates(0, camera=flat))
+        write(tmp_path, two_plates(0, camera=flat))
 
 
 def test_the_diameter_is_that_of_all_pairs():

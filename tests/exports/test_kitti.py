@@ -15,7 +15,7 @@ from legoworld.exports.kitti import write_views
 BOX = (CUBE * [4, 1.5, 1], FACES)  # length, width, height
 
 
-def parsed(folder, name="000000.txt"):
+def parse_labels(folder, name="000000.txt"):
     """Objects as dicts, and the camera matrix, by the columns of KITTI's readme."""
     objects = []
     for line in (folder / "label_2" / name).read_text().splitlines():
@@ -46,7 +46,7 @@ def test_the_corners_of_the_columns_are_those_of_the_object(tmp_path, degrees):
     place = (1.0, 12.0, -0.5)
     view = made_view(("car", "sports car", about_z(degrees), place), shape=BOX)
     made = write_views([view], tmp_path)
-    (one,), p2 = parsed(tmp_path)
+    (one,), p2 = parse_labels(tmp_path)
     assert one["type"] == "sports_car"
     assert "spaces in category names became _: sports car" in made.losses
     assert one["hwl"] == pytest.approx([1, 1.5, 4], abs=1e-5)
@@ -74,7 +74,7 @@ def test_truncation_occlusion_and_tilt(tmp_path):
         shape=cube,
     )  # fmt: skip
     write_views([view], tmp_path / "level")
-    objects, _ = parsed(tmp_path / "level")
+    objects, _ = parse_labels(tmp_path / "level")
     by = {one["type"]: one for one in objects}
     assert (by["b"]["truncated"], by["b"]["occluded"]) == (0, 0)
     assert 0 < by["a"]["truncated"] < 1

@@ -20,7 +20,7 @@ PYTHONS = ["3.11", "3.13"]
 THIS = f"python-{sys.version_info[0]}.{sys.version_info[1]}"
 
 
-def locked(name: str) -> dict[str, str]:
+def locked_versions(name: str) -> dict[str, str]:
     """Package -> version. Nothing but names and versions may be written there."""
     found = {}
     for line in (ROOT / "constraints" / f"{name}.txt").read_text(encoding="utf-8").splitlines():
@@ -58,13 +58,13 @@ def check(wanted: list[Requirement], versions: dict[str, str]) -> None:
 
 @pytest.mark.parametrize("python", PYTHONS)
 def test_every_requirement_is_locked_at_a_version_that_it_allows(python):
-    check(asked_for(python), locked(f"python-{python}"))
+    check(asked_for(python), locked_versions(f"python-{python}"))
 
 
 def test_every_requirement_of_the_baselines_is_locked_at_a_version_that_it_allows():
     names = {r.name for r in for_baselines()}
     assert {"torch", "transformers", "numpy", "pytest-xdist", "depth-anything-3"} <= names
-    check(for_baselines(), locked("baselines"))
+    check(for_baselines(), locked_versions("baselines"))
 
 
 def installed_beneath(wanted: list[Requirement]) -> dict[str, str]:
@@ -94,7 +94,7 @@ def test_an_environment_made_from_the_lock_holds_nothing_else():
     """A package that is installed and not locked would be another one next month."""
     if THIS.removeprefix("python-") not in PYTHONS:
         pytest.skip(f"there is no lock for {THIS}")
-    versions = locked(THIS)
+    versions = locked_versions(THIS)
     asked = asked_for(THIS.removeprefix("python-"))
     # lvis is installed without what it asks for.
     found = installed_beneath([r for r in asked if r.name != "lvis"])

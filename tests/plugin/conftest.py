@@ -5,8 +5,8 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from endpoint.clients import served
-from plugin.live_room import reopened
+from endpoint.clients import serve_session
+from plugin.live_room import reopen_case
 from plugin.rooms import ROOM_AND_EDITS
 
 from legoworld.plugin.connection import Address, BlenderConnection
@@ -43,7 +43,7 @@ def live(room_folders, blender):
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory, room_folders):
     """A Blender with the room, saved in its own workspace."""
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
+    with serve_session(tmp_path_factory.mktemp("endpoint")) as found:
         shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
         yield found
 
@@ -59,4 +59,4 @@ def blender_code(endpoint):
 
 @pytest.fixture
 def case(tmp_path, blender_code, blender):
-    return reopened(tmp_path, blender_code, blender)
+    return reopen_case(tmp_path, blender_code, blender)

@@ -10,7 +10,7 @@ from legoworld.plugin.live import LiveBlender
 from legoworld.records.plugin_ledger import TransactionLimits
 
 
-def reopened(folder, connection, blender, *, strict=False, evidence=None, **limits):
+def reopen_case(folder, connection, blender, *, strict=False, evidence=None, **limits):
     """The case of a ledger's folder, as another server of it would continue it."""
     store = folder / STATES
     store.mkdir(exist_ok=True)
@@ -19,9 +19,9 @@ def reopened(folder, connection, blender, *, strict=False, evidence=None, **limi
     return Case(folder, live, evidence, held, require_transaction=strict)
 
 
-def moved(scene, name, by_m):
+def shift(scene, name, by_m):
     """The scene with one object somewhere else."""
     shot = scene.snapshot
     placed = shot.world_from_mesh.copy()
     placed[Entities(shot).surfaces(name), :, 3] += by_m
-    return dataclasses.replace(scene, shown=dataclasses.replace(shot, world_from_mesh=placed))
+    return dataclasses.replace(scene, reading=dataclasses.replace(shot, world_from_mesh=placed))

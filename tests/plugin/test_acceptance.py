@@ -24,7 +24,7 @@ DEPTH = kinds.Depth(entity="cup", matched=(("cup", "cup"),))
 SUPPORT = kinds.Support(entity="cup")
 
 
-def found(requirement: Requirement, residual: float | None) -> Result:
+def make_result(requirement: Requirement, residual: float | None) -> Result:
     tolerance = 0.5 if isinstance(requirement, kinds.Overlap) else 0.02
     passed = residual is not None and residual <= tolerance
     return Result(
@@ -40,7 +40,7 @@ def worse(
     requirements: list[Any], before: list[float | None], after: list[float | None], declared: int
 ) -> list[Any]:
     results = [
-        [found(r, v) for r, v in zip(requirements, values, strict=True)]
+        [make_result(r, v) for r, v in zip(requirements, values, strict=True)]
         for values in (before, after)
     ]
     return [w.requirement for w in list_worse(*results, declared)]
@@ -76,19 +76,19 @@ def test_an_entity_must_not_be_less_close(
 
 
 def test_closeness_is_iou_and_depth_in_tolerances_and_without_an_iou_the_mean_of_the_rest() -> None:
-    assert closeness([found(OVERLAP, 0.25)]) == 0.75
-    assert closeness([found(OVERLAP, 0.25), found(DEPTH, 0.04)]) == 0.75 * math.exp(-2)
-    assert closeness([found(CENTROID, 0.02), found(EXTENT, 0.06)]) == math.exp(-2)
-    assert closeness([found(OVERLAP, 0.0), found(DEPTH, 0.0)]) == 1
+    assert closeness([make_result(OVERLAP, 0.25)]) == 0.75
+    assert closeness([make_result(OVERLAP, 0.25), make_result(DEPTH, 0.04)]) == 0.75 * math.exp(-2)
+    assert closeness([make_result(CENTROID, 0.02), make_result(EXTENT, 0.06)]) == math.exp(-2)
+    assert closeness([make_result(OVERLAP, 0.0), make_result(DEPTH, 0.0)]) == 1
     other = kinds.Overlap(entity="table", region="table")
-    some = [found(OVERLAP, 0.25), found(SUPPORT, 9.0), found(other, 0.75)]
+    some = [make_result(OVERLAP, 0.25), make_result(SUPPORT, 9.0), make_result(other, 0.75)]
     assert mean_closeness(some) == 0.5
-    assert mean_closeness([found(SUPPORT, 0.0)]) == 0
+    assert mean_closeness([make_result(SUPPORT, 0.0)]) == 0
 
 
 def test_a_move_towards_its_place_is_accepted_far_from_any_tolerance() -> None:
     """Today's tolerances refused two good edits in three."""
-    far, nearer = found(CENTROID, 0.3), found(CENTROID, 0.15)
+    far, nearer = make_result(CENTROID, 0.3), make_result(CENTROID, 0.15)
     assert (far.verdict, nearer.verdict) == ("fail", "fail")
     assert not list_worse([far], [nearer], 1)
     assert not blocks(nearer)
@@ -104,15 +104,15 @@ def test_a_requirement_that_says_how_it_is_accepted_stands_alone(
     one = kinds.Support(entity="cup", accept=accept)
     for value, said in ((0.5, same), (0.4, lower), (0.6, higher)):
         assert bool(worse([one], [0.5], [value], 1)) is said
-        assert not blocks(found(one, value)), "whatever its tolerance says"
+        assert not blocks(make_result(one, value)), "whatever its tolerance says"
 
 
 def test_the_unknown_blocks_and_the_soft_never() -> None:
-    assert blocks(found(OVERLAP, None))
-    assert blocks(found(SUPPORT, 0.1))
-    assert not blocks(found(OVERLAP, 0.9))
+    assert blocks(make_result(OVERLAP, None))
+    assert blocks(make_result(SUPPORT, 0.1))
+    assert not blocks(make_result(OVERLAP, 0.9))
     soft = kinds.Overlap(entity="cup", region="cup", hard=False)
-    assert not blocks(found(soft, None))
+    assert not blocks(make_result(soft, None))
     assert worse([soft], [0.1], [0.9], 1) == []
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 
 import pytest
-from plugin.live_room import reopened
+from plugin.live_room import reopen_case
 
 from legoworld.plugin.connection import Address, BlenderConnection, BlenderUnreachableError
 from legoworld.plugin.ledger import LedgerBrokenError, read_ledger
@@ -88,7 +88,7 @@ def test_a_refused_edit_can_be_corrected(case, blender_code):
 
 
 def test_limits_are_the_servers(tmp_path, blender_code, blender):
-    case = reopened(tmp_path, blender_code, blender, transactions=2, rollbacks=1, rounds=1)
+    case = reopen_case(tmp_path, blender_code, blender, transactions=2, rollbacks=1, rounds=1)
     case.begin(MOVE_CUP)
     for _ in range(2):
         assert not case.commit()[0].accepted
@@ -108,7 +108,7 @@ def test_without_corrections_and_rollbacks_left_the_way_back_is_free(
     tmp_path, blender_code, blender
 ):
     """What was committed before can still be delivered."""
-    case = reopened(tmp_path, blender_code, blender, transactions=3, rollbacks=0, rounds=0)
+    case = reopen_case(tmp_path, blender_code, blender, transactions=3, rollbacks=0, rounds=0)
     case.begin(MOVE_CUP)
     blender_code.run(ACROSS)
     assert case.commit()[0].accepted
@@ -147,7 +147,7 @@ def test_a_case_goes_on_from_its_ledger(tmp_path, case, blender_code, blender):
     blender_code.run(ACROSS)
     with (tmp_path / "ledger.jsonl").open("ab") as stream:
         stream.write(b'{"seq": 2, "previous": "')  # killed while it wrote
-    again = reopened(tmp_path, blender_code, blender)
+    again = reopen_case(tmp_path, blender_code, blender)
     assert (again.phase, again.transaction) == ("open", 1)
     assert [(c.entity, c.kind) for c in again.diff()] == [("Cup", "transform")]
     assert again.rollback().scene_signature == begun.scene_signature
@@ -157,7 +157,7 @@ def test_a_dead_blender_is_an_error_and_no_edit(tmp_path, blender):
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))  # nobody listens, and nobody else can
         port = bound.getsockname()[1]
-        case = reopened(tmp_path, BlenderConnection(Address(port=port)), blender)
+        case = reopen_case(tmp_path, BlenderConnection(Address(port=port)), blender)
         with pytest.raises(BlenderUnreachableError):
             case.begin(MOVE_CUP)
     (entry,) = read_ledger(tmp_path)

@@ -35,7 +35,7 @@ def photo(tmp_path):
     return path
 
 
-def made(tmp_path, photo, regions=None, **options):
+def make(tmp_path, photo, regions=None, **options):
     paths = []
     if regions is not None:
         (tmp_path / "regions.json").write_text(json.dumps(regions))
@@ -49,7 +49,7 @@ def made(tmp_path, photo, regions=None, **options):
 
 
 def test_an_outline_is_its_polygon(tmp_path, photo):
-    evidence = made(tmp_path, photo, {"regions": [{"name": "sofa", "polygons": [SQUARE]}]})
+    evidence = make(tmp_path, photo, {"regions": [{"name": "sofa", "polygons": [SQUARE]}]})
     region = evidence.region("sofa")
     assert region.bbox_xywh_px == (10, 10, 20, 16)
     assert evidence.mask(region).sum() == region.area_px == 320
@@ -67,7 +67,7 @@ def test_results_are_named_by_category_best_first(tmp_path, photo):
         {"image_id": 8, "category_id": 1, "score": 0.9, "bbox": [1, 2, 10, 20]},
     ]
     vocabulary = protocol("coco", None).vocabulary
-    evidence = made(tmp_path, photo, results, image_id=7, vocabulary=vocabulary)
+    evidence = make(tmp_path, photo, results, image_id=7, vocabulary=vocabulary)
     assert [r.name for r in evidence.file.regions] == ["chair 1", "chair 2"]
     assert (evidence.mask(evidence.region("chair 1")) == mask).all()
     assert evidence.region("chair 2").area_px == 200
@@ -86,7 +86,7 @@ def test_of_an_amodal_result_the_visible_part_is_taken_and_a_hidden_one_left_out
         for n in (2, 1)
     ]  # fmt: skip
     vocabulary = protocol("amodal", None).vocabulary
-    evidence = made(tmp_path, photo, results, vocabulary=vocabulary)
+    evidence = make(tmp_path, photo, results, vocabulary=vocabulary)
     (region,) = evidence.file.regions
     assert region.name == "chair 1"
     assert (evidence.mask(region) == seen).all()
@@ -113,11 +113,11 @@ def test_of_an_amodal_result_the_visible_part_is_taken_and_a_hidden_one_left_out
 )  # fmt: skip
 def test_regions_that_cannot_be_used_are_refused(tmp_path, photo, regions, why):
     with pytest.raises(EvidenceInvalidError, match=why):
-        made(tmp_path, photo, regions)
+        make(tmp_path, photo, regions)
 
 
 def test_a_mask_of_another_size_in_evidence_itself_is_refused(tmp_path, photo):
-    made(tmp_path, photo, {"regions": [{"name": "sofa", "polygons": [SQUARE]}]})
+    make(tmp_path, photo, {"regions": [{"name": "sofa", "polygons": [SQUARE]}]})
     path = tmp_path / "evidence" / "evidence.json"
     document = json.loads(path.read_text())
     document["regions"][0]["counts"] = "o2"
@@ -138,7 +138,7 @@ def test_results_of_other_images_are_refused(tmp_path, photo):
     entry = {"category_id": 1, "score": 1.0, "bbox": [1, 1, 9, 9]}
     results = [{**entry, "image_id": i} for i in (1, 2)]
     with pytest.raises(EvidenceInvalidError, match="other images"):
-        made(tmp_path, photo, results)
+        make(tmp_path, photo, results)
 
 
 @pytest.mark.parametrize("space", ["depth", "disparity"])
@@ -146,16 +146,16 @@ def test_depth_of_either_space_is_disparity_when_it_is_read(tmp_path, photo, spa
     values = np.full((H, W), 4.0, np.float32)
     values[0, 0] = np.inf
     np.save(tmp_path / "d.npy", values)
-    evidence = made(tmp_path, photo, depth=tmp_path / "d.npy", depth_space=space)
+    evidence = make(tmp_path, photo, depth=tmp_path / "d.npy", depth_space=space)
     assert evidence.disparity[5, 5] == (4.0 if space == "disparity" else 0.25)
 
 
 def test_half_size_depth_is_taken_and_another_shape_refused(tmp_path, photo):
     np.save(tmp_path / "half.npy", np.ones((H // 2, W // 2)))
-    assert made(tmp_path, photo, depth=tmp_path / "half.npy").disparity.shape == (H, W)
+    assert make(tmp_path, photo, depth=tmp_path / "half.npy").disparity.shape == (H, W)
     np.save(tmp_path / "wide.npy", np.ones((H, H)))
     with pytest.raises(EvidenceInvalidError, match="another photo"):
-        made(tmp_path, photo, depth=tmp_path / "wide.npy")
+        make(tmp_path, photo, depth=tmp_path / "wide.npy")
 
 
 def test_a_broken_array_is_refused_in_one_line(tmp_path, photo):
@@ -164,7 +164,7 @@ def test_a_broken_array_is_refused_in_one_line(tmp_path, photo):
     for cut in (len(whole) // 2, 8, 0):
         (tmp_path / "d.npz").write_bytes(whole[:cut])
         with pytest.raises(EvidenceInvalidError, match="cannot be read as depth"):
-            made(tmp_path, photo, depth=tmp_path / "d.npz")
+            make(tmp_path, photo, depth=tmp_path / "d.npz")
         with pytest.raises(EvidenceInvalidError, match="cannot be read as depth"):
             depth_file(tmp_path, "d.jpg")
 
@@ -188,24 +188,24 @@ def test_an_array_that_claims_more_than_is_decoded_is_refused(tmp_path, photo, n
             with zipfile.ZipFile(path, "w") as archive:
                 archive.writestr("values.npy", npy.getvalue())
     with pytest.raises(EvidenceInvalidError, match=r"cannot be read as depth; found: .*100000"):
-        made(tmp_path, photo, depth=path)
+        make(tmp_path, photo, depth=path)
 
 
 def test_numbers_beyond_float32_are_no_depth_and_complex_ones_refused(tmp_path, photo):
     values = np.full((H, W), 2.0)
     values[0, 0] = 1e300
     np.save(tmp_path / "d.npy", values)
-    disparity = made(tmp_path, photo, depth=tmp_path / "d.npy").disparity
+    disparity = make(tmp_path, photo, depth=tmp_path / "d.npy").disparity
     assert np.isnan(disparity[0, 0])
     assert disparity[5, 5] == 0.5
     np.save(tmp_path / "d.npy", values.astype(complex))
     with pytest.raises(EvidenceInvalidError, match="an array of complex128"):
-        made(tmp_path, photo, depth=tmp_path / "d.npy")
+        make(tmp_path, photo, depth=tmp_path / "d.npy")
 
 
 def test_depth_that_was_replaced_is_refused(tmp_path, photo):
     np.save(tmp_path / "d.npy", np.ones((H, W)))
-    made(tmp_path, photo, depth=tmp_path / "d.npy")
+    make(tmp_path, photo, depth=tmp_path / "d.npy")
     (tmp_path / "evidence" / "depth.npz").write_bytes(b"")
     with pytest.raises(EvidenceInvalidError, match="another sha256"):
         read_evidence(tmp_path / "evidence")

@@ -69,7 +69,7 @@ def other_photos(folder):
     changed_run(folder, lambda d: [s.update(photo_sha256="0" * 64) for s in d["scenes"].values()])
 
 
-def prompted(folder):
+def prompt_by_truth(folder):
     changed_run(
         folder,
         lambda d: d["configuration"].update(used_truth={"sha256": "0" * 64, "what": "categories"}),
@@ -80,7 +80,7 @@ def prompted(folder):
     ("change", "why"),
     [
         (other_photos, "is about other photos"),
-        (prompted, "prompted with ground truth"),
+        (prompt_by_truth, "prompted with ground truth"),
         (
             lambda folder: (folder / "coco" / "run.json").write_text("{"),
             "not a finished baseline run",

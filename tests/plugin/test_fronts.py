@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from solids.boxes import about
 
-from legoworld.plugin.measure_world import InTheWorld, UnknownError
+from legoworld.plugin.measure_world import UnknownError, WorldMeasurement
 
 
 def fronts(child_turn):
@@ -31,7 +31,7 @@ def fronts(child_turn):
     transforms["Pivot"] = [*quarter.ravel(), *quarter.ravel()]
     states = [SimpleNamespace(name=n, library=None, transform=t) for n, t in transforms.items()]
     scene = SimpleNamespace(snapshot=snapshot, state=SimpleNamespace(objects=states))
-    return {name: InTheWorld(scene)._front(name) for name in transforms}
+    return {name: WorldMeasurement(scene)._front(name) for name in transforms}
 
 
 @pytest.mark.parametrize("degrees", [0, 90, 200])
@@ -46,4 +46,4 @@ def test_a_front_is_the_objects_own_whatever_its_children_do(degrees):
 def test_a_collection_has_no_front():
     scene = SimpleNamespace(snapshot=SimpleNamespace(objects=[]))
     with pytest.raises(UnknownError, match="'Chairs' is a collection"):
-        InTheWorld(scene)._front("Chairs")
+        WorldMeasurement(scene)._front("Chairs")

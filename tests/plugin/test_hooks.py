@@ -206,7 +206,7 @@ def test_what_committed_transactions_required_stands_each_once():
     assert standing_requirements([*entries[:6], entry("commit")]) == (one, two, three)
 
 
-def left(*entries, marks=()):
+def todo(*entries, marks=()):
     """What is left to do, a sentence each, by how it begins and what it asks for."""
     return [" ".join(said.split()[:3]) for said in list_unfinished(entries, marks)]
 
@@ -214,26 +214,26 @@ def left(*entries, marks=()):
 def test_what_is_left_is_told_in_its_order():
     one, two = (Centroid(entity=name, region="r") for name in ("a", "b"))
     begun = entry("begin", wanted=[one], phase="open", transaction=3, seq=4)
-    assert left(begun) == ["Transaction 3 is"]
-    assert left(entry("serve")) == []
-    assert left(entry("measure")) == ["Nothing was validated:", "No render shows"]
+    assert todo(begun) == ["Transaction 3 is"]
+    assert todo(entry("serve")) == []
+    assert todo(entry("measure")) == ["Nothing was validated:", "No render shows"]
     judged = [{"accepted": True}, {"blocked": False}]
     committed = [begun, entry("commit", answer=judged, seq=5, transaction=3)]
-    assert left(*committed) == ["No render shows"], "a commit that measured all is a report"
+    assert todo(*committed) == ["No render shows"], "a commit that measured all is a report"
     for wanted, stale in (([two], ["The report of"]), ([one, two], [])):
         again = entry("begin", wanted=wanted, phase="open", transaction=4, seq=6)
         commit = entry("commit", answer=judged, seq=7, transaction=4, scene="t")
-        assert left(*committed, again, commit) == [*stale, "No render shows"]
+        assert todo(*committed, again, commit) == [*stale, "No render shows"]
     edit = HookMark(ledger_seq=5, what="edit")
-    assert left(*committed, marks=[edit]) == ["The report of", "No render shows"]
-    assert left(*committed, marks=[HookMark(ledger_seq=4, what="edit")]) == ["No render shows"]
-    assert left(*committed, marks=[HookMark(ledger_seq=5, what="block")]) == ["No render shows"]
+    assert todo(*committed, marks=[edit]) == ["The report of", "No render shows"]
+    assert todo(*committed, marks=[HookMark(ledger_seq=4, what="edit")]) == ["No render shows"]
+    assert todo(*committed, marks=[HookMark(ledger_seq=5, what="block")]) == ["No render shows"]
     blocked = [committed[0], entry("commit", answer=[judged[0], {"blocked": True}], seq=5)]
-    assert left(*blocked)[0] == "A hard requirement"
+    assert todo(*blocked)[0] == "A hard requirement"
     validated = entry("validate", answer={"report": {"blocked": True}, "blocked": True}, seq=8)
-    assert left(*committed, validated)[0] == "A hard requirement"
+    assert todo(*committed, validated)[0] == "A hard requirement"
     broken = entry("validate", error="no", seq=9)
-    assert left(entry("measure"), broken)[0] == "Nothing was validated:"
+    assert todo(entry("measure"), broken)[0] == "Nothing was validated:"
     looked = entry("review", answer={"render_sha256": "5", "findings": None}, seq=9)
     told = list_unfinished([*committed, looked], ())
     assert told == ("The render 5 is not reviewed: call review with it and your findings.",)

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from endpoint.clients import served
+from endpoint.clients import serve_session
 from plugin.synthetic import SIZE, camera, evidence_with, region_of, room, seen_faces
 from plugin.talking import called
 
@@ -32,7 +32,7 @@ EMPTY = "import bpy; bpy.ops.wm.read_factory_settings(use_empty=True)"
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory):
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
+    with serve_session(tmp_path_factory.mktemp("endpoint")) as found:
         yield found
 
 

@@ -139,7 +139,7 @@ def test_what_was_edited_is_not_undone_by_guessing(tmp_path, capsys):
     path.write_text(path.read_text().replace("--dialect claude", "--dialect codex"))
     before = contents(tmp_path)
     assert do(*words, "--undo") == 2
-    assert "edited since" in capsys.readouterr().err
+    assert "were edited" in capsys.readouterr().err
     assert contents(tmp_path) == before
 
 

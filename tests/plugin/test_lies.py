@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from plugin.live_room import reopened
+from plugin.live_room import reopen_case
 from plugin.synthetic import evidence_with
 from plugin.talking import called
 
@@ -166,7 +166,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path, case):
 def test_where_a_transaction_is_required_such_an_edit_is_refused_and_undone(
     tmp_path, blender_code, blender
 ):
-    case = reopened(tmp_path, blender_code, blender, strict=True)
+    case = reopen_case(tmp_path, blender_code, blender, strict=True)
     case.begin(MOVE_CUP)
     blender_code.run(ACROSS)
     assert case.commit()[0].accepted
@@ -273,11 +273,11 @@ def test_a_stored_state_that_was_changed_is_no_base(tmp_path, case, blender_code
 
 def test_other_evidence_does_not_continue_a_case(tmp_path, blender_code, blender):
     one, other = evidence_with([]), evidence_with([], hfov_deg=60)
-    reopened(tmp_path, blender_code, blender, evidence=one).serve()
-    reopened(tmp_path, blender_code, blender, evidence=one).serve()
+    reopen_case(tmp_path, blender_code, blender, evidence=one).serve()
+    reopen_case(tmp_path, blender_code, blender, evidence=one).serve()
     for evidence in (other, None):
         with pytest.raises(TransactionError, match="other evidence"):
-            reopened(tmp_path, blender_code, blender, evidence=evidence).serve()
+            reopen_case(tmp_path, blender_code, blender, evidence=evidence).serve()
     assert [entry.tool for entry in read_ledger(tmp_path)] == ["serve"]
     assert list_unfinished(read_ledger(tmp_path), ()) == ()
 
@@ -315,7 +315,7 @@ def test_a_client_that_leaves_within_a_commit_leaves_a_whole_ledger(
     tmp_path, endpoint, blender_code, blender
 ):
     """Whether the commit was still made is open; it is on record or the transaction is open."""
-    case = reopened(tmp_path, blender_code, blender)
+    case = reopen_case(tmp_path, blender_code, blender)
     case.begin(MOVE_CUP)
     blender_code.run(ACROSS)
     hello = {"protocolVersion": "2025-06-18", "capabilities": {},
@@ -333,7 +333,7 @@ def test_a_client_that_leaves_within_a_commit_leaves_a_whole_ledger(
         capture_output=True, timeout=300, check=False,
     )  # fmt: skip
     assert served_by.returncode == 0, served_by.stderr.decode()[-500:]
-    again = reopened(tmp_path, blender_code, blender)
+    again = reopen_case(tmp_path, blender_code, blender)
     if again.phase == "open":
         assert again.commit()[0].accepted
     entries = read_ledger(tmp_path)

@@ -29,7 +29,7 @@ def test_it_is_read_and_written_in_the_workspace_alone(tmp_path):
     with swapping(tmp_path / "workspace" / "d", tmp_path / "outside"):
         for _ in range(SWAPS):
             outcomes += [
-                attempt(lambda: copy.put(tmp_path / "stored.blend")),
+                attempt(lambda: copy.write(tmp_path / "stored.blend")),
                 attempt(lambda: copy.keep(tmp_path / "store").read_text()),
                 attempt(copy.remove),
             ]

@@ -26,7 +26,7 @@ WH = (64, 48)
 PHOTO = np.full((120, 160, 3), 90, np.uint8)
 
 
-def decoded(png):
+def decode_png(png):
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
 
 
@@ -114,12 +114,12 @@ def test_a_look_before_and_after_an_edit(case, blender_code):
     case.begin(Declaration(editable=("Cup",), kinds=("transform",)))
     made, png = look(case, Looking(at=at, beside="before", draw="geometry", pane_px=64))
     assert (made.panes, made.size_wh) == (("before", "scene", "difference"), (64, 48))
-    picture = decoded(png)
+    picture = decode_png(png)
     assert picture.shape == (48, 192, 3)
     assert (picture[:, 128:] == 255).all()
     assert (picture[:, :64] == picture[:, 64:128]).all()
     blender_code.run("import bpy; bpy.data.objects['Cup'].location.x += 0.5")
-    edited = decoded(look(case, Looking(at=at, beside="before", draw="geometry", pane_px=64))[1])
+    edited = decode_png(look(case, Looking(at=at, beside="before", draw="geometry", pane_px=64))[1])
     assert (edited[:, :64] == picture[:, :64]).all()
     changed = (edited[:, 128:] != 255).any(axis=2)
     assert 0 < changed.sum() < changed.size / 4
@@ -133,11 +133,11 @@ def test_a_look_before_and_after_an_edit(case, blender_code):
 def test_a_render_from_the_side_beside_none_and_the_photo(case, blender_code):
     lit = "lamp = bpy.data.objects['Lamp']; lamp.location, lamp.data.energy = (0, -2, 3), 500"
     blender_code.run(f"import bpy; {lit}")
-    own = decoded(
+    own = decode_png(
         look(case, Looking(at=Viewpoint(), beside="nothing", draw="render", pane_px=64))[1]
     )
     aside = Viewpoint(around="Chair", azimuth_deg=45.0)
-    side = decoded(look(case, Looking(at=aside, beside="nothing", draw="render", pane_px=64))[1])
+    side = decode_png(look(case, Looking(at=aside, beside="nothing", draw="render", pane_px=64))[1])
     assert own.shape == side.shape == (48, 64, 3)
     assert np.abs(own.astype(int) - side).max() > 30
     with pytest.raises(UsageError, match="no photo"):
@@ -147,7 +147,7 @@ def test_a_render_from_the_side_beside_none_and_the_photo(case, blender_code):
         look(case, Looking(at=aside, beside="photo", draw="render", pane_px=64))
     made, png = look(case, Looking(at=Viewpoint(), beside="photo", draw="render", pane_px=64))
     assert made.panes == ("photo", "scene", "difference")
-    picture = decoded(png)
+    picture = decode_png(png)
     assert (picture[:, :64] == 90).all()
     assert (picture[:, 64:128] == own).all()
     assert (picture[:, 128:] == difference(picture[:, :64], own)).all()

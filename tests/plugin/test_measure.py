@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from plugin.live_room import moved
+from plugin.live_room import shift
 
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.evidence import Evidence
 from legoworld.plugin.measure import measure, surface_pixels, surface_view
-from legoworld.plugin.small_render import rec709_luma, spread
+from legoworld.plugin.small_render import rec709_luma, upscale_nearest
 from legoworld.records import plugin_requirements as kinds
 from legoworld.records.base import decode, readable
 from legoworld.records.plugin_evidence import CameraEvidence, EvidenceFile, PhotoEvidence, Region
@@ -74,7 +74,7 @@ def evidence(readout):
     return evidence_of(masks, 0.7 / depth.astype(float) + 0.1)
 
 
-def one(scene, requirement, evidence=None):
+def ask(scene, requirement, evidence=None):
     (result,) = measure(scene, [requirement], evidence, size_wh=SIZE).results
     return result
 
@@ -112,7 +112,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("name", HOLD)
 def test_what_holds_passes(live, evidence, name):
-    result = one(live("none"), HOLD[name], evidence)
+    result = ask(live("none"), HOLD[name], evidence)
     assert result.verdict == "pass", result
     assert result.residual <= result.tolerance
 
@@ -175,11 +175,11 @@ def test_what_cannot_be_measured_is_unknown_with_a_reason_and_blocks(
 
 
 def test_without_evidence_the_picture_is_unknown(live):
-    assert one(live("none"), HOLD["centroid"]).verdict == "unknown"
+    assert ask(live("none"), HOLD["centroid"]).verdict == "unknown"
 
 
 def test_nothing_below_is_a_fail_without_a_number(live):
-    result = one(live("none"), kinds.Support(entity="Floor", on="Cup"))
+    result = ask(live("none"), kinds.Support(entity="Floor", on="Cup"))
     assert (result.verdict, result.residual) == ("fail", None)
 
 
@@ -192,11 +192,11 @@ def test_a_soft_requirement_warns_and_does_not_block(live):
 
 def test_a_gap_below_is_measured(live):
     scene = live("moved")  # half a metre aside, still on the table
-    assert one(scene, kinds.Support(entity="Cup", on="Table")).measurement == pytest.approx(
+    assert ask(scene, kinds.Support(entity="Cup", on="Table")).measurement == pytest.approx(
         0, abs=1e-6
     )
-    assert one(scene, kinds.Support(entity="Cup", on="Floor")).measurement == pytest.approx(0.75)
-    assert one(scene, kinds.Collision(entity="Table", other="Floor")).verdict == "pass"
+    assert ask(scene, kinds.Support(entity="Cup", on="Floor")).measurement == pytest.approx(0.75)
+    assert ask(scene, kinds.Collision(entity="Table", other="Floor")).verdict == "pass"
 
 
 @pytest.mark.parametrize(("by_m", "margin_m"), [(0, 0.1), (0.9, 0.1), (0.95, 0.05), (1.05, -0.05)])
@@ -204,14 +204,14 @@ def test_stability_is_the_way_from_the_centre_of_mass_to_the_edge_of_what_carrie
     live, by_m, margin_m
 ):
     """The cup is 0.2 m wide, and the table ends 1 m beside its middle."""
-    result = one(moved(live("none"), "Cup", (by_m, 0, 0)), kinds.Stability(entity="Cup"))
+    result = ask(shift(live("none"), "Cup", (by_m, 0, 0)), kinds.Stability(entity="Cup"))
     assert result.measurement == pytest.approx(margin_m, abs=0.2 / 64)
     assert result.residual == max(0.0, -result.measurement)
     assert result.verdict == ("fail" if margin_m < 0 else "pass")
 
 
 def test_what_floats_has_no_stability(live):
-    result = one(moved(live("none"), "Cup", (0, 0, 0.02)), kinds.Stability(entity="Cup"))
+    result = ask(shift(live("none"), "Cup", (0, 0, 0.02)), kinds.Stability(entity="Cup"))
     assert (result.verdict, result.measurement) == ("fail", None)
     assert result.reason == "it rests on nothing: the gap below it is 0.02 m"
 
@@ -226,14 +226,14 @@ def test_what_hides_an_entity_is_named_with_its_pixels(live):
     pixels = {name: by_id[i] for name, i in ids.items() if i in by_id}
     assert set(pixels) == {"Cup", "Chair"}
     area = int(amodal.in_frame_px[ids["Table"]])
-    hidden = one(live("none"), kinds.Hidden(entity="Table"))
+    hidden = ask(live("none"), kinds.Hidden(entity="Table"))
     assert hidden.measurement == sum(pixels.values()) / area
     most_first = sorted(pixels, key=lambda name: -pixels[name])
     assert hidden.reason == ", ".join(f"{name} {pixels[name]} px" for name in most_first)
     for name, n in pixels.items():
-        by_one = one(live("none"), kinds.Hidden(entity="Table", other=name))
+        by_one = ask(live("none"), kinds.Hidden(entity="Table", other=name))
         assert (by_one.measurement, by_one.reason) == (n / area, f"{name} {n} px")
-    free = one(live("none"), kinds.Hidden(entity="Chair"))
+    free = ask(live("none"), kinds.Hidden(entity="Chair"))
     assert (free.measurement, free.reason) == (0.0, None)
 
 
@@ -256,10 +256,10 @@ def test_luminance_compares_a_render_with_the_photo(live, evidence, blender, roo
     for added, verdict in ((0, "pass"), (80, "fail")):
         photo = np.repeat(np.clip(gray.astype(int) + added, 0, 255)[..., None], 3, axis=2)
         seen = dataclasses.replace(evidence, photo=photo.astype(np.uint8))
-        result = one(scene, requirement, seen)
+        result = ask(scene, requirement, seen)
         assert result.verdict == verdict
         assert result.measurement == pytest.approx(-added / 255, abs=0.005)
-    assert one(live("none"), requirement, seen).reason == "nothing was rendered"
+    assert ask(live("none"), requirement, seen).reason == "nothing was rendered"
 
 
 def test_colour_is_the_difference_of_two_means(live, evidence):
@@ -273,10 +273,13 @@ def test_colour_is_the_difference_of_two_means(live, evidence):
     region = evidence.mask(evidence.region("Table"))
     photo = np.random.default_rng(3).integers(0, 256, (*region.shape, 3), np.uint8)
     seen = dataclasses.replace(evidence, photo=photo)
-    means = [rgb2lab(pixels).mean(axis=0) for pixels in (spread(render, SIZE)[mask], photo[region])]
+    means = [
+        rgb2lab(pixels).mean(axis=0)
+        for pixels in (upscale_nearest(render, SIZE)[mask], photo[region])
+    ]
     requirement = kinds.Colour(entity="Cup", region="Table")
-    result = one(scene, requirement, seen)
+    result = ask(scene, requirement, seen)
     assert result.measurement == pytest.approx(deltaE_cie76(*means), rel=1e-3)
     photo[region] = render[0, 0]
     render[:] = render[0, 0]
-    assert one(scene, requirement, seen).residual == pytest.approx(0.0, abs=1e-9)
+    assert ask(scene, requirement, seen).residual == pytest.approx(0.0, abs=1e-9)

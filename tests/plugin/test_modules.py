@@ -19,7 +19,7 @@ from legoworld.scene.blender_process import BlenderProcess, Limits
 ALWAYS = {"status", "more"}
 
 
-def offered(folder, modules, *call):
+def list_tools(folder, modules, *call):
     """The tools' names, and what a call comes back with."""
     (folder / "states").mkdir(exist_ok=True)
 
@@ -36,14 +36,14 @@ def offered(folder, modules, *call):
 
 
 def test_every_tool_is_of_one_module(tmp_path):
-    names, _ = offered(tmp_path, MODULES)
+    names, _ = list_tools(tmp_path, MODULES)
     assert names - ALWAYS <= set(TOOLS)
 
 
 @pytest.mark.parametrize("off", MODULES)
 def test_a_module_that_is_off_takes_its_tools_and_no_others(tmp_path, off):
-    everything, _ = offered(tmp_path, MODULES)
-    names, _ = offered(tmp_path, modules_without([off]))
+    everything, _ = list_tools(tmp_path, MODULES)
+    names, _ = list_tools(tmp_path, modules_without([off]))
     assert everything - names == {name for name in everything if TOOLS.get(name) == off}
     assert everything - names
 
@@ -54,7 +54,7 @@ def test_nothing_is_required_where_nothing_is_measured(tmp_path):
         "kinds": ["transform"],
         "requirements": [{"kind": "existence", "entity": "Cup"}],
     }
-    _, said = offered(tmp_path, modules_without(["measurement"]), "begin", declared)
+    _, said = list_tools(tmp_path, modules_without(["measurement"]), "begin", declared)
     assert said is not None
     assert said.is_error
     assert "`measurement` is off" in str(said.content[0])

@@ -33,8 +33,8 @@ LIES = {
     "another file": (
         json.dumps({**NEWER, "copy": "/etc/hostname", "version": [4, 2]}), "cannot be read",
     ),
-    "no version": (json.dumps({"copy": "x", "filepath": ""}), "did not say where"),
-    "nothing": ("", "did not say where"),
+    "no version": (json.dumps({"copy": "x", "filepath": ""}), "did not report the path"),
+    "nothing": ("", "did not report the path"),
 }  # fmt: skip
 
 

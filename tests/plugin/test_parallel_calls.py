@@ -89,7 +89,7 @@ def test_the_call_after_a_cancelled_one_waits_for_its_end(server, case, diff, tm
                 async def stop() -> None:
                     await anyio.to_thread.run_sync(diff.begun.wait)
                     cancelled.cancel()
-                    await anyio.to_thread.run_sync(until, lambda: case.interruption.asked)
+                    await anyio.to_thread.run_sync(until, lambda: case.interruption.is_requested)
                     diff.free.set()
 
                 group.start_soon(stop)

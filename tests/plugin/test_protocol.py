@@ -51,7 +51,7 @@ def compact(value):
     return json.dumps(value, separators=(",", ":"))
 
 
-def asked(server, *steps):
+def ask_server(server, *steps):
     """What a client is answered by each step, a function of it; an error of the protocol."""
 
     async def one(client, step):
@@ -74,7 +74,7 @@ def case(tmp_path):
 
 @pytest.fixture
 def tools(case):
-    (listed,) = asked(plugin_server(case, None), lambda client: client.list_tools())
+    (listed,) = ask_server(plugin_server(case, None), lambda client: client.list_tools())
     return {t.name: t for t in listed.tools}
 
 
@@ -194,13 +194,13 @@ def test_an_error_names_what_is_valid_and_nothing_of_ours(case, name, arguments,
 
 def test_an_error_that_is_ours_says_so_and_no_more(case, monkeypatch):
     monkeypatch.setattr(Case, "diff", lambda _: {}["/secret/place"])
-    (told,) = asked(plugin_server(case, None), lambda client: client.call_tool("diff", {}))
+    (told,) = ask_server(plugin_server(case, None), lambda client: client.call_tool("diff", {}))
     assert "unexpected error in diff: KeyError; this is a bug in legoworld" in str(told)
     assert "secret" not in str(told)
 
 
 def test_an_answer_is_compact_json_and_fits_its_schema(case, tools):
-    (result,) = asked(plugin_server(case, None), lambda client: client.call_tool("status", {}))
+    (result,) = ask_server(plugin_server(case, None), lambda client: client.call_tool("status", {}))
     (text,) = result.content
     assert json.loads(text.text) == result.structured_content
     assert text.text == json.dumps(result.structured_content, sort_keys=True, separators=(",", ":"))
@@ -226,7 +226,7 @@ def test_a_long_answer_comes_in_pages_that_are_the_whole(case, tools, monkeypatc
             entries, pages = entries + answer["items"], pages + 1
         return entries, pages
 
-    ((entries, pages),) = asked(ask, all_pages)
+    ((entries, pages),) = ask_server(ask, all_pages)
     assert [e["tool"] for e in entries] == [f"tool {n}" for n in range(150)]
     assert pages > 3
 
@@ -235,7 +235,7 @@ def test_prompts_and_resources_are_listed_and_read(case):
     sha256 = case.artefacts.keep(b'{"a":1}', "json")
     for number in range(120):
         case.artefacts.keep(b"%d" % number, "md")
-    listed, page, more, prompts, prompt, templates, report = asked(
+    listed, page, more, prompts, prompt, templates, report = ask_server(
         plugin_server(case, None),
         lambda client: client.list_resources(),
         lambda client: client.read_resource("legoworld://requirements"),
@@ -267,13 +267,13 @@ def test_prompts_and_resources_are_listed_and_read(case):
     ],
 )
 def test_a_resource_that_is_none_is_refused(case, uri, said):
-    (told,) = asked(plugin_server(case, None), lambda client: client.read_resource(uri))
+    (told,) = ask_server(plugin_server(case, None), lambda client: client.read_resource(uri))
     assert isinstance(told, MCPError)
     assert said in str(told)
 
 
 def test_a_cursor_that_no_list_gave_is_refused(case):
-    told = asked(
+    told = ask_server(
         plugin_server(case, None),
         lambda client: client.list_resources(cursor="9" * 4301),
         lambda client: client.list_resources(cursor="x"),

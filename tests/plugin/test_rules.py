@@ -55,7 +55,7 @@ from legoworld.records.plugin_state import Change, EntityState, SceneState
 NONE = "0" * 64
 
 
-def thing(name: str, parent: str | None = None, *collections: str, **changes: Any) -> EntityState:
+def part(name: str, parent: str | None = None, *collections: str, **changes: Any) -> EntityState:
     known: dict[str, Any] = {
         "name": name, "library": None, "type": "MESH", "parent": parent, "collections": collections,
         "transform": (0.0,) * 32, "data": name, "data_sha256": "d", "mesh_sha256": "m",
@@ -73,7 +73,7 @@ def scene(*things: EntityState, camera: str | None = "Camera", **changes: Any) -
     return SceneState(objects=things, camera=camera, **known | changes)
 
 
-CUP = thing("cup")
+CUP = part("cup")
 
 
 @pytest.mark.parametrize(
@@ -114,14 +114,14 @@ def test_an_object_that_is_seen_for_the_first_time_has_not_moved():
 def test_what_objects_share_changes_by_its_own_name(name, value, change):
     found = changes(scene(CUP), replace(scene(CUP), **{name: value}))
     assert [(one.entity, one.kind) for one in found] == [change]
-    named = replace(scene(thing("mug")), **{name: value})
+    named = replace(scene(part("mug")), **{name: value})
     kinds = [(one.entity, one.kind) for one in changes(scene(CUP), named)]
     assert kinds == [("cup", "removed"), ("mug", "added"), *[change] * (name[0] != "s")]
 
 
-FURNITURE = (thing("table"), thing("cup", "table"), thing("tea", "cup"), thing("lamp", None, "lit"),
-             thing("bulb", "lamp"), thing("Camera", "rig"), thing("rig"),
-             thing("far", None, library="//a.blend"))  # fmt: skip
+FURNITURE = (part("table"), part("cup", "table"), part("tea", "cup"), part("lamp", None, "lit"),
+             part("bulb", "lamp"), part("Camera", "rig"), part("rig"),
+             part("far", None, library="//a.blend"))  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_a_name_stands_for_what_is_below_it(name, keys):
 
 
 def test_parents_in_a_circle_end():
-    looped = scene(thing("a", "b"), thing("b", "a"), thing("c", "a"))
+    looped = scene(part("a", "b"), part("b", "a"), part("c", "a"))
     assert members(("a",), [looped]) == {"a", "b", "c"}
     assert members(("z",), [looped]) == set()
 
@@ -204,13 +204,13 @@ def test_nothing_changed_is_nothing_to_commit():
 
 
 def test_what_is_brought_under_an_editable_name_does_not_become_editable():
-    before = scene(thing("table"), thing("lamp"), camera=None)
+    before = scene(part("table"), part("lamp"), camera=None)
     declared = Declaration(editable=("table",), kinds=("parent", "added", "camera"))
-    after = scene(thing("table"), thing("lamp", "table"), thing("vase", "table"), camera=None)
+    after = scene(part("table"), part("lamp", "table"), part("vase", "table"), camera=None)
     found = judge(before, after, declared, report())
     assert [(v.change.entity, v.why) for v in found.violations] == [("lamp", "undeclared")]
     assert [change.entity for change in found.allowed] == ["vase"]
-    seen = scene(thing("table"), thing("lamp"), thing("Eye", "table"), camera="Eye")
+    seen = scene(part("table"), part("lamp"), part("Eye", "table"), camera="Eye")
     found = judge(before, seen, declared, report())
     assert sorted(change.entity for change in found.allowed) == ["Eye", "camera"]
 
@@ -480,7 +480,7 @@ def eval_given(code: str) -> Any:
     return json.loads(ast.literal_eval(line.removeprefix("given = json.loads(")[:-1]))
 
 
-def installed(**changes: Any) -> Any:
+def room_scene(**changes: Any) -> Any:
     """A scene whose camera is the reference room's."""
     made = box_room()
     pose = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 4.0]])
@@ -495,8 +495,8 @@ def installed(**changes: Any) -> Any:
     )
 
 
-def turned(row: int, column: int, by: float) -> Any:
-    pose = installed()[1].snapshot.camera.world_from_camera.copy()
+def turned_pose(row: int, column: int, by: float) -> Any:
+    pose = room_scene()[1].snapshot.camera.world_from_camera.copy()
     pose[row, column] += by
     return pose
 
@@ -512,17 +512,17 @@ def turned(row: int, column: int, by: float) -> Any:
         ({"cy": 15 - 6e-4}, "principal point"),
         ({"cx": 20 + 2e-4}, None),
         ({"fx": math.nan}, "focal length"),
-        ({"pose": turned(0, 1, 2e-5)}, "rotation"),
-        ({"pose": turned(2, 2, -2e-5)}, "rotation"),
-        ({"pose": turned(0, 3, 4e-5)}, "place"),
-        ({"pose": turned(2, 3, -4e-5)}, "place"),
-        ({"pose": turned(2, 3, 1e-5)}, None),
+        ({"pose": turned_pose(0, 1, 2e-5)}, "rotation"),
+        ({"pose": turned_pose(2, 2, -2e-5)}, "rotation"),
+        ({"pose": turned_pose(0, 3, 4e-5)}, "place"),
+        ({"pose": turned_pose(2, 3, -4e-5)}, "place"),
+        ({"pose": turned_pose(2, 3, 1e-5)}, None),
         ({"name": "Camera"}, "another camera"),
         ({"orthographic": True}, "another camera"),
     ],
 )
 def test_the_installed_camera_is_the_room_s_to_32_bits(changes, said, monkeypatch):
-    made, live, camera = installed(**changes)
+    made, live, camera = room_scene(**changes)
     monkeypatch.setattr(room_install, "projection", lambda *_: camera)
     monkeypatch.setattr(room_install, "_refuse_another_view", lambda *_: None)
     if said is None:
@@ -534,7 +534,7 @@ def test_the_installed_camera_is_the_room_s_to_32_bits(changes, said, monkeypatc
 
 @pytest.mark.parametrize(("away", "refused"), [(12, False), (13, True)])
 def test_a_hundredth_of_the_pixels_may_show_another_face(away, refused, monkeypatch):
-    made, live, _ = installed()
+    made, live, _ = room_scene()
     live.snapshot.surface_mesh = np.zeros(7)
     expected = room.shell_view(made)
     hit = expected.copy()
@@ -586,7 +586,7 @@ def test_directions_are_named_by_up_and_right(degrees):
     assert vanishing._rotation(np.zeros(3)).tolist() == np.eye(3).tolist()
 
 
-def drawn(requirement: Any, *, region: bool = True) -> Any:
+def draw_result(requirement: Any, *, region: bool = True) -> Any:
     """The picture of a requirement about "cup" and "table", side by side on grey 90."""
     masks = {"cup": np.s_[20:24, 20:24], "table": np.s_[20:24, 24:28]}
     view: Any = SimpleNamespace(
@@ -608,15 +608,15 @@ def mask_of(place: Any) -> Any:
 
 def test_a_small_picture_has_the_entity_what_it_is_measured_against_and_the_outline(monkeypatch):
     monkeypatch.setattr(result_pictures, "surface_pixels", lambda place, _: mask_of(place))
-    picture = drawn(Support(entity="cup", on="table"))
+    picture = draw_result(Support(entity="cup", on="table"))
     margin = round(0.25 * 7) + 8
     assert picture.shape == (4 + 2 * margin, 8 + 2 * margin, 3)
     at = picture[margin, margin], picture[margin, margin + 4], picture[0, 0]
     assert [colour.tolist() for colour in at] == [[56, 110, 200], [70, 156, 90], [90, 90, 90]]
-    outlined = drawn(Centroid(entity="nobody", region="r"))
+    outlined = draw_result(Centroid(entity="nobody", region="r"))
     orange = (outlined == (255, 120, 0)).all(axis=2)
     assert int(orange.sum()) == 16 - 1 + 8, "the rim of 4 x 4 pixels, grown"
-    assert drawn(Centroid(entity="nobody", region="r"), region=False) is None
+    assert draw_result(Centroid(entity="nobody", region="r"), region=False) is None
 
 
 def test_a_small_picture_is_never_larger_than_240_pixels_nor_scaled_up():
@@ -643,9 +643,11 @@ def test_near_is_light_and_nothing_is_black():
 def test_a_move_on_the_ground_is_at_most_five_times_as_long(in_plane_m, found):
     viewed: Any = None
     jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    move = corrections.Viewed._on_ground(viewed, jacobian, np.array([3.0, 4.0]), in_plane_m)
+    move = corrections.ViewedEntity._on_ground(viewed, jacobian, np.array([3.0, 4.0]), in_plane_m)
     assert move == found
-    assert corrections.Viewed._on_ground(viewed, jacobian * 0, np.zeros(2), in_plane_m) is None
+    assert (
+        corrections.ViewedEntity._on_ground(viewed, jacobian * 0, np.zeros(2), in_plane_m) is None
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import shutil
 import sys
 
 import pytest
-from endpoint.clients import served
+from endpoint.clients import serve_session
 from mcp import StdioServerParameters
 from plugin.talking import called, tools_of
 
@@ -41,7 +41,7 @@ STANDS = {"kind": "support", "entity": "Cup", "on": "Table"}
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory, room_folders):
-    with served(tmp_path_factory.mktemp("endpoint")) as found:
+    with serve_session(tmp_path_factory.mktemp("endpoint")) as found:
         shutil.copy(room_folders / "none" / "scene.blend", found.workspace / "room.blend")
         path = str(found.workspace / "room.blend")
         found.client().run(f"import bpy; bpy.ops.wm.open_mainfile(filepath={path!r})")

@@ -136,7 +136,7 @@ def live(tmp_path, monkeypatch):
         reads.append((path, reader))
         name = path.read_bytes().decode()
         state = replace(STATE, scene_signature=name)
-        return LiveScene(state=state, shown="shown")
+        return LiveScene(state=state, reading="shown")
 
     monkeypatch.setattr(live_module, "read_live", read_live)
     monkeypatch.setattr(live_module, "bpy_version", lambda: "4.2.3")
@@ -159,7 +159,7 @@ def test_a_scene_is_read_from_a_copy_that_goes_and_may_be_kept(live):
     _, kept = live.made.read(keep=True)
     assert (live.store / f"{kept}.blend").read_bytes() == b"BLENDER 1"
     (scene, how), _ = live.made.read(render_wh=(6, 4))
-    assert scene.shown == "shown"
+    assert scene.reading == "shown"
     assert how == {"render": (copy, "the reader", (6, 4))}
     assert live.made.recovered is None
     live.blender.recovered = "/mine.blend"
@@ -170,7 +170,7 @@ def test_a_scene_is_read_from_a_copy_that_goes_and_may_be_kept(live):
 
 
 def test_what_cannot_be_shown_is_not_rendered(live, monkeypatch):
-    broken = LiveScene(state=STATE, shown=LegoWorldError("no", found="x"))
+    broken = LiveScene(state=STATE, reading=LegoWorldError("no", found="x"))
     monkeypatch.setattr(live_module, "read_live", lambda *_: broken)
     assert live.made.read(render_wh=(6, 4)) == (broken, None)
 
@@ -178,7 +178,7 @@ def test_what_cannot_be_shown_is_not_rendered(live, monkeypatch):
 def test_a_copy_that_changes_while_it_is_read_is_refused(live, monkeypatch):
     def exchange(path, _reader):
         path.write_bytes(b"BLENDER other")
-        return LiveScene(state=STATE, shown="shown")
+        return LiveScene(state=STATE, reading="shown")
 
     monkeypatch.setattr(live_module, "read_live", exchange)
     for keep in (False, True):
@@ -216,7 +216,7 @@ def test_a_newer_blender_than_the_reader_is_refused(live, version, read):
 @pytest.mark.parametrize("words", ["", "no JSON", "[]", "{}", '{"copy": 5}'])
 def test_a_blender_that_does_not_say_where_the_copy_is_is_refused(live, words):
     live.blender.words = words
-    with pytest.raises(BlenderRefusedError, match="did not say where it saved the copy"):
+    with pytest.raises(BlenderRefusedError, match="did not report the path of the saved copy"):
         live.made.read()
 
 
@@ -362,9 +362,9 @@ def test_a_small_render_is_of_the_photo_s_shape_and_its_light_is_rec_709(
 
 def test_a_small_picture_is_spread_by_its_nearest_pixels():
     small = np.arange(6.0).reshape(2, 3)
-    assert (small_render.spread(small, (6, 4)) == small.repeat(2, 0).repeat(2, 1)).all()
-    assert (small_render.spread(small, (4, 3))[0] == [0, 0, 1, 2]).all()
-    assert (small_render.spread(small, (4, 3))[:, 0] == [0, 0, 3]).all()
+    assert (small_render.upscale_nearest(small, (6, 4)) == small.repeat(2, 0).repeat(2, 1)).all()
+    assert (small_render.upscale_nearest(small, (4, 3))[0] == [0, 0, 1, 2]).all()
+    assert (small_render.upscale_nearest(small, (4, 3))[:, 0] == [0, 0, 3]).all()
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plugin.live_room import moved
+from plugin.live_room import shift
 
 from legoworld.plugin.entities import Entities
 from legoworld.plugin.measure import measure
@@ -28,7 +28,7 @@ def boxes_apart(shot, name, others):
     return min(gaps)
 
 
-def one(scene, **fields):
+def ask(scene, **fields):
     (result,) = measure(scene, [Touching(**fields)], None, size_wh=WH).results
     return result
 
@@ -47,8 +47,8 @@ def one(scene, **fields):
     ],
 )
 def test_the_distance_is_that_of_the_boxes(live, by_m, on, metres, verdict):
-    scene = moved(live("none"), "Cup", by_m)
-    result = one(scene, entity="Cup", on=on)
+    scene = shift(live("none"), "Cup", by_m)
+    result = ask(scene, entity="Cup", on=on)
     assert result.measurement == result.residual == pytest.approx(metres, abs=1e-6)
     assert result.verdict == verdict
     others = [on] if on else ["Table", "Floor", "Chair", "Crate"]
@@ -56,6 +56,6 @@ def test_the_distance_is_that_of_the_boxes(live, by_m, on, metres, verdict):
 
 
 def test_an_entity_alone_touches_nothing(live):
-    result = one(live("none"), entity="Crate", on="Lid")  # the lid is a part of it
+    result = ask(live("none"), entity="Crate", on="Lid")  # the lid is a part of it
     assert (result.verdict, result.residual) == ("fail", None)
     assert "nothing else" in result.reason

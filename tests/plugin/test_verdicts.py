@@ -7,7 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from plugin.live_room import moved
+from plugin.live_room import shift
 from plugin.synthetic import evidence_with, region_of
 
 from legoworld.plugin.entities import Entities
@@ -128,7 +128,7 @@ def seen(live):
 def result(seen, kind, fields):
     scene, evidence = seen
     if fields.pop("sunk", False):
-        scene = moved(scene, "Cup", (0, 0, -0.02))
+        scene = shift(scene, "Cup", (0, 0, -0.02))
     requirements = to_record(tuple[kinds.Requirement, ...], [{"kind": kind, **fields}])
     report = measure(scene, requirements, evidence, size_wh=SIZE)
     return report.results[0], report

@@ -95,7 +95,7 @@ def test_a_room_and_its_camera_are_installed(connection, blender, tmp_path):
     assert case.phase == "idle"
 
 
-def played(folder, port, code):
+def play_code(folder, port, code):
     """Run code in the window as an agent does: by the MCP server that it starts."""
     folder.mkdir()
     write_configuration(
@@ -120,10 +120,12 @@ def test_an_agent_s_edits_through_mcp_for_blender(window, connection, blender, t
         requirements=(kinds.Support(entity="Cup", on="Cube"),),
     )
     case.begin(declared)
-    played(tmp_path / "good", window.port, "import bpy\nbpy.data.objects['Cup'].location.x -= 0.2")
+    play_code(
+        tmp_path / "good", window.port, "import bpy\nbpy.data.objects['Cup'].location.x -= 0.2"
+    )
     assert case.commit()[0].accepted
     begun = case.begin(declared)
-    played(tmp_path / "bad", window.port, "import bpy\nbpy.data.objects['Cup'].location.z += 1")
+    play_code(tmp_path / "bad", window.port, "import bpy\nbpy.data.objects['Cup'].location.z += 1")
     judgement, report = case.commit()
     assert judgement.blocked
     assert [result.verdict for result in report.results] == ["fail"]

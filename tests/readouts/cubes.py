@@ -22,7 +22,7 @@ FACES = np.array(
 SIZE = (320, 240)
 
 
-def seen(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
+def view_of(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
     """placed: (category, camera-frame middle, size or 3 of them, degrees about up, optional).
 
     faces: of each box.
@@ -66,7 +66,7 @@ def seen(*placed, unit_scale=1.0, size=SIZE, camera=None, faces=FACES):
     grouping = Grouping(
         instances=instances,
         surface_instance=np.arange(n, dtype=np.int32),
-        nested={},
+        enclosing_instance={},
         outside_vocabulary={},
         unseen_owners=(),
         warnings=(),

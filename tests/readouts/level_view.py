@@ -27,7 +27,7 @@ def about_z(degrees):
     return np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
 
 
-def seen(*placed, camera=LEVEL, unit_scale=1.0, triangles=FACES, vertices=CUBE):
+def look(*placed, camera=LEVEL, unit_scale=1.0, triangles=FACES, vertices=CUBE):
     """A view of one mesh placed by (linear part, place) each; each placement is an instance."""
     scene = HandScene()
     for k in range(len(placed)):

@@ -19,7 +19,7 @@ BUMP = np.array([*SQUARE, [0, 0, 0.3]], np.float32)
 _UPRIGHT = np.eye(3)
 
 
-def turned(degrees: float) -> np.ndarray:
+def rotation(degrees: float) -> np.ndarray:
     """About the vertical axis."""
     a = np.radians(degrees)
     return np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])

@@ -45,7 +45,7 @@ def view_of(surfaces, camera=CAMERA, size_wh=SIZE):
     )  # fmt: skip
 
 
-def exported(view, *category_ids, threads=None):
+def export_entries(view, *category_ids, threads=None):
     """Results as JSON has them."""
     instances = [
         Instance(
@@ -63,7 +63,7 @@ def exported(view, *category_ids, threads=None):
 
 
 def plates(moved_m, *category_ids):
-    return exported(view_of(place([plate(0, 1, 2), plate(moved_m, 0.5, 1)])), *category_ids)
+    return export_entries(view_of(place([plate(0, 1, 2), plate(moved_m, 0.5, 1)])), *category_ids)
 
 
 def test_a_plate_that_another_hides_is_exported():
@@ -116,7 +116,7 @@ def test_what_is_unlabelled_is_one_node_and_holdouts_belong_to_it():
         surfaces,
         placement_id=np.where(surfaces.placement_id == 3, HOLDOUT, surfaces.placement_id),
     )
-    (wall,) = exported(view_of(surfaces), 5, None, None)
+    (wall,) = export_entries(view_of(surfaces), 5, None, None)
     assert wall["occluded_by"] == [[None, 20 * 15 + 20 * 15 + 100]]
     assert wall["layer"] == 1
 
@@ -124,7 +124,7 @@ def test_what_is_unlabelled_is_one_node_and_holdouts_belong_to_it():
 def test_an_instance_under_the_camera_has_no_whole_and_says_so():
     floor = np.array([[-1, 1, -1], [1, 1, -1], [1, 1, 9], [-1, 1, 9]], np.float32)
     corners = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    (one,) = exported(view_of(place([(floor, corners)])), 5)
+    (one,) = export_entries(view_of(place([(floor, corners)])), 5)
     assert one["in_frame_of_whole"] is one["visible_of_whole"] is None
     assert one["visible_of_in_frame"] == 1
     assert one["whole_unknown"] == "crosses_near_plane"
@@ -136,7 +136,7 @@ def test_two_plates_that_pass_through_each_other_are_a_cycle():
                   np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
         for y, s in ((-0.3, 0.2), (-0.2, -0.2))
     ]  # fmt: skip
-    a, b = exported(view_of(place(tilted)), 5, 6)
+    a, b = export_entries(view_of(place(tilted)), 5, 6)
     assert a["cycle"] == b["cycle"] == [0, 1]
     assert a["layer"] == b["layer"] == 0
     assert a["occluded_by"][0][0] == 1
@@ -149,8 +149,8 @@ def test_pixels_are_conserved_and_threads_change_nothing(seed):
     surfaces, camera, size_wh = jumble(seed)
     view = view_of(surfaces, camera, size_wh)
     categories = [5 if i % 3 else None for i in range(len(view.area_px))]
-    results = exported(view, *categories, threads=1)
-    assert exported(view, *categories, threads=4) == results
+    results = export_entries(view, *categories, threads=1)
+    assert export_entries(view, *categories, threads=4) == results
     layers = view.amodal().layers
     area = amodal_areas(layers, len(categories))
     assert [r["instance"] for r in sorted(results, key=lambda r: r["instance"])] == [
@@ -171,4 +171,4 @@ def test_pixels_are_conserved_and_threads_change_nothing(seed):
 
 
 def test_a_picture_of_nothing_has_no_results():
-    assert exported(view_of(place([plate(40, 0.5, 1)])), 5) == []
+    assert export_entries(view_of(place([plate(40, 0.5, 1)])), 5) == []

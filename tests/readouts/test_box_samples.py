@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from readouts.cubes import seen
+from readouts.cubes import view_of
 
 from legoworld.readouts.probing import FEWEST_POINTS, MOST_POINTS, Box, box_samples
 
@@ -19,7 +19,7 @@ AROUND = box((-1.0, -1.0, 4.0), (1.0, 1.0, 6.0))
 
 
 def cube(*more, **options):
-    return seen(("cube", (0.0, 0.0, 5.0), 1.0), *more, **options)[0].snapshot
+    return view_of(("cube", (0.0, 0.0, 5.0), 1.0), *more, **options)[0].snapshot
 
 
 def test_points_lie_on_the_surface_and_their_number_is_its_area():
@@ -52,8 +52,8 @@ def test_a_box_cuts_the_surface(low, high, area):
 
 
 def test_a_wall_much_larger_than_the_box_gives_as_many_points_as_a_small_one():
-    wall = seen(("wall", (0.0, 0.0, 5.0), (500.0, 0.001, 500.0)))[0].snapshot
-    small = seen(("wall", (0.0, 0.0, 5.0), (1.0, 0.001, 1.0)))[0].snapshot
+    wall = view_of(("wall", (0.0, 0.0, 5.0), (500.0, 0.001, 500.0)))[0].snapshot
+    small = view_of(("wall", (0.0, 0.0, 5.0), (1.0, 0.001, 1.0)))[0].snapshot
     inside = box((-0.25, -0.25, 4.0), (0.25, 0.25, 6.0), 0.02)
     (of_wall,), (of_small,) = box_samples(wall, [inside]), box_samples(small, [inside])
     assert len(of_wall) == len(of_small) == pytest.approx(2 * 0.25 / 0.02**2, abs=1)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from readouts.level_view import CUBE, LEVEL, about_z, seen
+from readouts.level_view import CUBE, LEVEL, about_z, look
 
 from legoworld.cards import load_card
 from legoworld.readouts.boxes3d import KINDS, box3d_exports, box_extent_px, fit_boxes
@@ -18,7 +18,7 @@ from legoworld.visibility.planar_hull import convex_hull, smallest_rectangle
 
 
 def one_box(linear, place=(0, 5, 0), kind="gravity", **more):
-    return fit_boxes(seen((linear, place), **more), [0], kind)[0]
+    return fit_boxes(look((linear, place), **more), [0], kind)[0]
 
 
 def close(values, expected):
@@ -64,7 +64,7 @@ def test_a_tilted_object_is_upright_by_gravity_and_tilted_by_its_own_axes():
 @pytest.mark.parametrize("kind", KINDS)
 def test_mirrored_and_sheared_placements_have_right_handed_boxes_that_hold_them(kind):
     for linear in (np.diag([-1.0, 0.5, 2.0]), [[1, 0.6, 0.2], [0, 0.5, 0], [0, 0.3, 1]]):
-        made = seen((np.asarray(linear, float), (0, 5, 0)))
+        made = look((np.asarray(linear, float), (0, 5, 0)))
         box = fit_boxes(made, [0], kind)[0]
         assert np.linalg.det(box.axes) == pytest.approx(1)
         points = CUBE @ np.asarray(linear, float).T + [0, 5, 0]
@@ -100,7 +100,7 @@ def test_units_are_metres_and_a_loose_vertex_is_no_part():
 
 def test_the_whole_object_counts_whatever_the_picture_shows():
     """One half outside of the picture, one hidden, one through the near plane."""
-    made = seen(
+    made = look(
         (np.diag([2.0, 1, 1]), (2.25, 5, 0)),
         (np.eye(3), (0, 8, 0)),
         (np.diag([3.0, 0.1, 3.0]), (0, 6, 0)),
@@ -117,7 +117,7 @@ def test_the_whole_object_counts_whatever_the_picture_shows():
 
 
 def test_exports_are_in_canonical_order_and_say_the_same_for_any_threads():
-    made = seen((np.eye(3), (1, 5, 0)), (np.eye(3), (-1, 5, 0)), (np.eye(3), (0, 30, 0)))
+    made = look((np.eye(3), (1, 5, 0)), (np.eye(3), (-1, 5, 0)), (np.eye(3), (0, 30, 0)))
     instances = [
         Instance(id=i, name=str(i), objects=(str(i),), label_text=None,
                  category=Category(id=c, name=str(c)))
@@ -136,7 +136,7 @@ def test_exports_are_in_canonical_order_and_say_the_same_for_any_threads():
 
 
 def test_an_orthographic_camera_sees_a_box_at_its_place():
-    made = seen((np.eye(3), (1, 50, 0)), camera=replace(LEVEL, type="ORTHO", ortho_scale=4.0))
+    made = look((np.eye(3), (1, 50, 0)), camera=replace(LEVEL, type="ORTHO", ortho_scale=4.0))
     box = fit_boxes(made, [0])[0]
     assert close(box.center_m, [1, 0, 50])
     assert close(box_extent_px(box, made), [62.5, 37.5, 25, 25])
@@ -157,7 +157,7 @@ def test_hulls_of_points_on_lines_and_in_one_place():
 
 def test_exports_are_what_the_card_says():
     card = load_card("boxes3d")
-    made = seen((np.eye(3), (0, 5, 0)))
+    made = look((np.eye(3), (0, 5, 0)))
     instance = Instance(id=0, name="0", objects=("0",), label_text=None,
                         category=Category(id=1, name="1"))  # fmt: skip
     (prediction, _), *_ = READOUT.exports(

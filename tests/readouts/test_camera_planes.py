@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from readouts.quads import BUMP, SQUARE, at, quads, turned
+from readouts.quads import BUMP, SQUARE, at, quads, rotation
 
 from legoworld.readouts.filled_view import facing_planes
 from legoworld.readouts.surface import visible_surface
@@ -21,15 +21,15 @@ def test_a_square_that_faces_the_camera():
     seen, planes, number = planes_of(quads(("Poster", SQUARE, at(0, 0, 0))))
     (plane,) = planes
     assert (plane.object, plane.tilt_deg) == ("Poster", 0.0)
-    assert plane.share == (seen.shown == 0).sum() / seen.shown.size
+    assert plane.share == (seen.surface_index == 0).sum() / seen.surface_index.size
     assert number.dtype == np.int16
-    assert number.shape == seen.shown.shape
-    assert np.array_equal(number, np.where(seen.shown == 0, 0, -1))
+    assert number.shape == seen.surface_index.shape
+    assert np.array_equal(number, np.where(seen.surface_index == 0, 0, -1))
 
 
 @pytest.mark.parametrize(("degrees", "limit", "found"), [(9, 10, 1), (11, 10, 0), (11, 11, 1)])
 def test_how_far_it_may_be_turned(degrees, limit, found):
-    scene = quads(("Poster", SQUARE, at(0, 0, 0, turned(degrees))))
+    scene = quads(("Poster", SQUARE, at(0, 0, 0, rotation(degrees))))
     _, planes, number = planes_of(scene, max_tilt_deg=limit)
     assert [p.tilt_deg for p in planes] == [degrees] * found
     assert (number >= 0).any() == bool(found)
@@ -53,11 +53,11 @@ def test_the_largest_comes_first_and_equal_ones_in_the_scene_s_order():
         ("Right", SQUARE, at(2, 0, 0)),
     )
     seen, planes, number = planes_of(scene, max_tilt_deg=30)
-    areas = [int((seen.shown == i).sum()) for i in range(3)]
+    areas = [int((seen.surface_index == i).sum()) for i in range(3)]
     expected = sorted(range(3), key=lambda i: (-areas[i], i))
     assert [p.object for p in planes] == [("Small", "Left", "Right")[i] for i in expected]
     for place, surface in enumerate(expected):
-        assert np.array_equal(number == place, seen.shown == surface)
+        assert np.array_equal(number == place, seen.surface_index == surface)
 
 
 def test_one_below_the_share_is_left_out():

@@ -42,7 +42,7 @@ def instances(*names):
     ]
 
 
-def answered(ids, names, tmp_path, **more):
+def answer_image(ids, names, tmp_path, **more):
     shown = np.array(ids, np.int32)
     return AnsweredImage(
         image_id=4,
@@ -121,7 +121,7 @@ def test_background_is_what_shows_no_class_where_there_is_one():
 
 def test_the_files_of_an_image_and_of_one_that_failed(tmp_path):
     ids = [[0, 0, 1, 1, 2, -1]] * 2 + [[3, 3, 1, 4, 4, -1]] * 2
-    image = answered(ids, NAMES[:5], tmp_path)
+    image = answer_image(ids, NAMES[:5], tmp_path)
     row = panoptic.READOUT.write(ROW, image)
     assert row.files == [row.answer]
     assert row.answer.bytes <= panoptic.READOUT.file_bytes((6, 4))
@@ -149,14 +149,14 @@ def test_the_files_of_an_image_and_of_one_that_failed(tmp_path):
 
 def test_ten_thousand_things_are_ten_thousand_segments(tmp_path):
     shown = np.arange(10_000, dtype=np.int32).reshape(100, 100)
-    row = panoptic.READOUT.write(ROW, answered(shown, ["car"] * 10_000, tmp_path))
+    row = panoptic.READOUT.write(ROW, answer_image(shown, ["car"] * 10_000, tmp_path))
     assert (read_ids(tmp_path / row.answer.file, ValueError) == shown + 1).all()
     assert row.segments[-1].id == 10_000
 
 
 def test_a_scene_without_stuff_is_told_so(tmp_path):
     def said(names, **more):
-        image = answered([[*range(len(names)), -1]], names, tmp_path, **more)
+        image = answer_image([[*range(len(names)), -1]], names, tmp_path, **more)
         return panoptic.READOUT.write(ROW, image).warnings
 
     (only,) = said(("person", None))
@@ -173,8 +173,8 @@ def test_a_picture_tells_things_of_a_category_apart_and_shows_their_borders(tmp_
     assert picture[0, 1].tolist() == [255, 255, 255]
     assert picture[0, 2].tolist() not in ([*category_color(3)], [255, 255, 255])
     assert picture[0, 4].tolist() == [0, 0, 0]
-    assert panoptic.READOUT.picture(answered([[0, -1]], ["car"], tmp_path)).shape == (1, 2, 3)
-    assert semantic.READOUT.picture(answered([[0, -1]], ["car"], tmp_path)).shape == (1, 2, 3)
+    assert panoptic.READOUT.picture(answer_image([[0, -1]], ["car"], tmp_path)).shape == (1, 2, 3)
+    assert semantic.READOUT.picture(answer_image([[0, -1]], ["car"], tmp_path)).shape == (1, 2, 3)
 
 
 def test_a_picture_tells_its_categories():

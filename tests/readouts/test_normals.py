@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from readouts.quads import SQUARE, at, quads, turned
+from readouts.quads import SQUARE, at, quads, rotation
 
 from legoworld.evaluation.normals.arrays import read_prediction
 from legoworld.readouts.family import AnsweredImage
@@ -21,23 +21,23 @@ SIZE = (64, 48)
 UNLABELLED = Labels(objects={}, collections={}, warnings=())
 
 
-def drawn(snapshot):
+def draw_view(snapshot):
     return view(snapshot, group(snapshot, UNLABELLED), SIZE)
 
 
-def written(snapshot, folder):
+def write_view(snapshot, folder):
     row = RunRow(image_id=1, file_name="a.jpg", status="ok")
-    image = AnsweredImage(image_id=1, name="a", run=folder, instances=(), view=drawn(snapshot))
+    image = AnsweredImage(image_id=1, name="a", run=folder, instances=(), view=draw_view(snapshot))
     (folder / "normals").mkdir()
     return READOUT.write(row, image)
 
 
 def test_a_wall_that_is_turned_and_the_wall_behind_it(tmp_path):
-    tilted = at(0, 0, 0, turned(30) @ np.diag([1.0, 2.0, 5.0]))
+    tilted = at(0, 0, 0, rotation(30) @ np.diag([1.0, 2.0, 5.0]))
     backwards = at(0, 0, -5, np.diag([-9.0, 9.0, -1.0]))
     snapshot = quads(("near", SQUARE, tilted), ("far", SQUARE, backwards))
-    row = written(snapshot, tmp_path)
-    near = drawn(snapshot).buffers.instance == 0
+    row = write_view(snapshot, tmp_path)
+    near = draw_view(snapshot).buffers.instance == 0
     with np.load(tmp_path / row.normals.file) as arrays:
         found = arrays["normal_cam"]
         assert {k: str(arrays[k]) for k in ("sign",)} == NORMALS_FILE.labels
@@ -56,7 +56,7 @@ def test_a_wall_that_is_turned_and_the_wall_behind_it(tmp_path):
 
 
 def test_a_picture_of_nothing_is_all_holes(tmp_path):
-    row = written(quads(("behind", SQUARE, at(0, 0, 20))), tmp_path)
+    row = write_view(quads(("behind", SQUARE, at(0, 0, 20))), tmp_path)
     assert (row.normals.finite_px, row.normals.flipped_share) == (0, None)
     with np.load(tmp_path / row.normals.file) as arrays:
         assert np.isnan(arrays["normal_cam"]).all()
@@ -65,7 +65,7 @@ def test_a_picture_of_nothing_is_all_holes(tmp_path):
 def test_where_surfaces_tie_the_first_placement_is_taken_whatever_its_instance():
     """Two squares cross along a vertical line of pixel centres."""
     placed = (("left", 45), ("right", -45))
-    snapshot = quads(*((name, SQUARE, at(0, 0, 0, turned(angle))) for name, angle in placed))
+    snapshot = quads(*((name, SQUARE, at(0, 0, 0, rotation(angle))) for name, angle in placed))
     seen = view(snapshot, group(snapshot, UNLABELLED), (65, 49))
     swapped = replace(seen.surfaces, placement_id=1 - seen.surfaces.placement_id)
     by_instance = render_normals(swapped, seen.projection, seen.size_wh)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from readouts.cubes import seen
+from readouts.cubes import view_of
 
 from legoworld.readouts.probing import (
     OFFSET,
@@ -31,7 +31,7 @@ def probe(offset=(0.0, 0.0), view=None):
 
 
 def snapshot(**options):
-    return seen(("cube", (0.3, 0.1, 5.0), 1.0), ("wall", (0.0, 0.0, 9.0), (30.0, 1.0, 30.0)),
+    return view_of(("cube", (0.3, 0.1, 5.0), 1.0), ("wall", (0.0, 0.0, 9.0), (30.0, 1.0, 30.0)),
                 **options)[0].snapshot  # fmt: skip
 
 
@@ -63,7 +63,7 @@ def test_a_second_view_that_stays_is_the_first_one_and_one_aside_sees_from_there
     assert (first.name, second.name) == (OFFSET, VIEW)
     assert np.array_equal(depth(second, surface.raster_wh), surface.depth_z_m)
     *_, aside = looks(scene, SIZE, HFOV, probe(view=SecondView(cam_from_view=ASIDE, hfov_deg=HFOV)))
-    moved = seen(("cube", (-1.7, 0.1, 4.0), 1.0), ("wall", (-2.0, 0.0, 8.0), (30.0, 1.0, 30.0)))
+    moved = view_of(("cube", (-1.7, 0.1, 4.0), 1.0), ("wall", (-2.0, 0.0, 8.0), (30.0, 1.0, 30.0)))
     expected = visible_surface(moved[0].snapshot, SIZE, HFOV).depth_z_m
     assert np.isclose(depth(aside, surface.raster_wh), expected, rtol=1e-6).mean() > 0.999
 

@@ -34,10 +34,10 @@ def test_depth_is_planar_and_in_metres():
     seen = visible_surface(wall(unit_scale=0.5), SIZE, OWN_HFOV)
     width, height = seen.raster_wh
     assert (width, height) == raster_size(SIZE)
-    assert seen.depth_z_m.shape == seen.shown.shape == (height, width)
+    assert seen.depth_z_m.shape == seen.surface_index.shape == (height, width)
     assert seen.depth_z_m.dtype == np.float32
     assert np.allclose(seen.depth_z_m, 6.0)
-    assert (seen.shown == 0).all()
+    assert (seen.surface_index == 0).all()
     assert seen.finite_px == width * height
 
 
@@ -46,8 +46,8 @@ def test_what_is_not_hit_is_infinite_and_shows_nothing():
     hit = np.isfinite(seen.depth_z_m)
     # 2 of the 10 x 7.5 units that are seen at this distance.
     assert hit.mean() == pytest.approx(4 / 75, rel=0.02)
-    assert (seen.shown[hit] == 0).all()
-    assert (seen.shown[~hit] == -1).all()
+    assert (seen.surface_index[hit] == 0).all()
+    assert (seen.surface_index[~hit] == -1).all()
     assert np.isposinf(seen.depth_z_m[~hit]).all()
     assert seen.finite_px == hit.sum()
 
@@ -55,9 +55,9 @@ def test_what_is_not_hit_is_infinite_and_shows_nothing():
 def test_the_nearer_square_is_shown():
     scene = quads(("Far", SQUARE * 10, at(0, 0, -2)), ("Near", SQUARE, at(0, 0, 5)))
     seen = visible_surface(scene, SIZE, OWN_HFOV)
-    middle = tuple(n // 2 for n in seen.shown.shape)
-    assert (seen.shown[middle], seen.depth_z_m[middle]) == (1, 5.0)
-    assert (seen.shown[0, 0], seen.depth_z_m[0, 0]) == (0, 12.0)
+    middle = tuple(n // 2 for n in seen.surface_index.shape)
+    assert (seen.surface_index[middle], seen.depth_z_m[middle]) == (1, 5.0)
+    assert (seen.surface_index[0, 0], seen.depth_z_m[0, 0]) == (0, 12.0)
 
 
 def test_the_reference_s_field_of_view_is_used_and_the_own_one_kept_beside_it():
@@ -132,7 +132,7 @@ def test_an_orthographic_camera_has_pixels_a_metre_and_no_field_of_view():
 
 def test_what_the_surface_file_holds(tmp_path):
     seen = visible_surface(wall(), SIZE, 2 * OWN_HFOV)
-    plane = np.full(seen.shown.shape, -1, np.int16)
+    plane = np.full(seen.surface_index.shape, -1, np.int16)
     textures = np.zeros((1, 36, 64, 3), np.uint8)
     write_surface(tmp_path / "all.npz", seen, plane, textures)
     with np.load(tmp_path / "all.npz") as stored:

@@ -43,7 +43,7 @@ def program(name: str, *arguments: object) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-def scored(made: Path, submissions: Path, place: Path) -> dict[str, ReconstructionRow]:
+def score_all(made: Path, submissions: Path, place: Path) -> dict[str, ReconstructionRow]:
     """R of each case, no render."""
     track = made / "bench" / "public" / "track.json"
     arguments = ["readout", str(submissions), "--task", "bench", "--track", str(track), "-q"]
@@ -80,7 +80,7 @@ def test_things_of_the_shipped_families_stand_on_things(real_data, tmp_path):
 
 
 def test_shipped_families_submitted_as_themselves_score_one(made, tmp_path):
-    rows = scored(made, made / "itself", tmp_path)
+    rows = score_all(made, made / "itself", tmp_path)
     assert len(rows) == 12
     for row in rows.values():
         assert row.valid
@@ -106,7 +106,7 @@ def test_changed_copies_follow_the_laws(made, tmp_path, change, amount, low, hig
         for case in (made / "itself").glob("*hard__view_00"):
             shutil.copytree(case, cases / case.name)
     program("submit.py", cases, "-o", tmp_path / "s", "--change", change, "--amount", amount)
-    rows = {n: r for n, r in scored(made, tmp_path / "s", tmp_path).items() if r.status == "ok"}
+    rows = {n: r for n, r in score_all(made, tmp_path / "s", tmp_path).items() if r.status == "ok"}
     assert len(rows) == 2
     for row in rows.values():
         assert row.R is not None
@@ -122,7 +122,7 @@ def test_another_family_is_valid_and_low(made, tmp_path):
         family, _, rest = case.name.partition("__")
         other = "crossing" if family == "bedroom" else "bedroom"
         shutil.copytree(case, tmp_path / "wrong" / f"{other}__{rest}")
-    rows = scored(made, tmp_path / "wrong", tmp_path).values()
+    rows = score_all(made, tmp_path / "wrong", tmp_path).values()
     assert all(row.valid for row in rows)
     # A ground seen from about as far covers a large object by chance: low on average.
     found = [row.R for row in rows if row.R is not None]
@@ -176,7 +176,7 @@ def test_a_pipeline_s_flat_and_an_artist_s_scene_become_cases(real_data, tmp_pat
         (folder / "labels.json").write_text(text, encoding="utf-8")
     make = ["bench", "make", str(tmp_path / "references"), "-o", str(tmp_path / "bench"), *QUICK]
     assert cli.run([*make, "--keep-scenes", str(tmp_path / "itself")]) == 0
-    rows = scored(tmp_path, tmp_path / "itself", tmp_path)
+    rows = score_all(tmp_path, tmp_path / "itself", tmp_path)
     assert {n.partition("__")[0] for n in rows} == {"archx3d", "nima"}
     assert all(row.R == 1.0 for row in rows.values())
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from endpoint.clients import Served, served
+from endpoint.clients import ServedSession, serve_session
 from plugin.guarded import check_scene
 
 from legoworld.plugin.connection import Address, BlenderConnection
@@ -33,12 +33,12 @@ def blender() -> Iterator[BlenderProcess]:
 
 
 @pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    with served(tmp_path_factory.mktemp("endpoint"), limits=LIMITS) as found:
+def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedSession]:
+    with serve_session(tmp_path_factory.mktemp("endpoint"), limits=LIMITS) as found:
         yield found
 
 
-def _check(blend: Path, endpoint: Served, blender: BlenderProcess, folder: Path) -> None:
+def _check(blend: Path, endpoint: ServedSession, blender: BlenderProcess, folder: Path) -> None:
     copy = endpoint.workspace / f"{blend.parent.name}.blend"
     shutil.copyfile(blend, copy)
     connection = BlenderConnection(Address(port=endpoint.server.port))

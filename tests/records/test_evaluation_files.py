@@ -7,7 +7,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from comparison.evaluations import compared, depth_scene_and_baseline, scene_and_baseline
+from comparison.evaluations import compare, depth_scene_and_baseline, scene_and_baseline
 
 from legoworld.comparison.folder import read_document
 from legoworld.records.base import as_json, canonical, decode, readable
@@ -56,7 +56,7 @@ def test_evidence(evaluations: tuple[Path, Path]) -> None:
 
 
 def test_comparisons_and_their_evidence(evaluations: tuple[Path, Path], tmp_path: Path) -> None:
-    compared(evaluations, tmp_path / "out", draws=5)
+    compare(evaluations, tmp_path / "out", draws=5)
     text = (tmp_path / "out" / "comparison.json").read_text()
     assert readable(read_document(tmp_path / "out")) == text
     data = (tmp_path / "out" / "evidence.json").read_bytes()
@@ -120,7 +120,7 @@ def test_the_schemas_are_true_of_what_is_written(
     evaluations: tuple[Path, Path], tmp_path: Path
 ) -> None:
     kind = "depth" if (evaluations[0] / "view" / "1.json").is_file() else "detection"
-    compared(evaluations, tmp_path / "out", draws=5)
+    compare(evaluations, tmp_path / "out", draws=5)
     valid(tmp_path / "out" / "comparison.json", "comparison")
     for folder in evaluations:
         valid(folder / "summary.json", f"evaluation-summary-{kind}")

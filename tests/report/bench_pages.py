@@ -41,7 +41,7 @@ def bench_evaluation(
     return folder / name
 
 
-def troubled(dataset: Dataset) -> dict[int, Submission]:
+def troubled_submissions(dataset: Dataset) -> dict[int, Submission]:
     """A failure, one that is not valid, a shifted half, another picture, and drivers."""
     half = dataset.cases[4].depth_z_m.copy()
     half[:, : half.shape[1] // 2] *= 1.3

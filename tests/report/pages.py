@@ -30,7 +30,7 @@ from legoworld.report.sources import read_sources
 HOSTILE = "</script><img src=x onerror=alert(1)>'\"&{{7*7}}\u2028"
 
 
-def evaluated(
+def evaluate(
     folder: Path,
     task: str,
     *,
@@ -119,7 +119,7 @@ def page_of(output: Path, *evaluations: Path, photos: Path | None = None) -> Pat
     return output
 
 
-def written(document: PageDocument, output: Path) -> Path:
+def write(document: PageDocument, output: Path) -> Path:
     """A written page of a document."""
     return write_page(document, output, commands=[]).path
 
@@ -153,7 +153,7 @@ class Tables(HTMLParser):
         return next(row[1:] for row in self.rows if row and row[0] == name)
 
 
-def embedded(path: Path, kind: str) -> list[Any]:
+def embedded_json(path: Path, kind: str) -> list[Any]:
     """The JSON of the page's script elements whose id begins with a word."""
     text = path.read_text(encoding="utf-8")
     found = re.findall(rf'<script type="application/json" id="{kind}[^"]*">(.*?)</script>', text)

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 from evaluation.depth.folders import evaluate_depth, plane, write_arrays, write_run
-from report.bench_pages import bench_dataset, bench_evaluation, troubled
+from report.bench_pages import bench_dataset, bench_evaluation, troubled_submissions
 from report.chromium import Browser, browser
-from report.pages import embedded, evaluated, page_of, write_photos
+from report.pages import embedded_json, evaluate, page_of, write_photos
 
 from legoworld import cli
 
@@ -30,8 +30,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A comparison of boxes with a failed image, depth, and a bench, with photos."""
     folder = tmp_path_factory.mktemp("page")
     sides = [
-        evaluated(folder, "coco", statuses={10: "failed"}),
-        evaluated(folder, "coco", levels=None, kind="baseline", baseline="random"),
+        evaluate(folder, "coco", statuses={10: "failed"}),
+        evaluate(folder, "coco", levels=None, kind="baseline", baseline="random"),
     ]
     compared = folder / "comparison"
     assert cli.run(["compare", *map(str, sides), "-o", str(compared), "--draws", "20"]) == 0
@@ -39,7 +39,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = write_run(folder / "run", {"a.png": 1.5 * truth["a.png"]})  # type: ignore[dict-item]
     evaluate_depth(run, write_arrays(folder / "truth", truth), folder / "depth", draws=5)
     dataset = bench_dataset(folder)
-    bench = bench_evaluation(folder, dataset, "mine", troubled(dataset))
+    bench = bench_evaluation(folder, dataset, "mine", troubled_submissions(dataset))
     photos = write_photos(folder / "photos", "coco")
     return page_of(folder / "report.html", compared, folder / "depth", bench, photos=photos)
 
@@ -193,7 +193,7 @@ def test_tie_orders_are_saved_with_every_order_counted(
 
 
 def test_the_curve_s_area_is_ap50(page: Path) -> None:
-    (data,) = embedded(page, "data")
+    (data,) = embedded_json(page, "data")
     section = data["sections"][0]
     for curve in section["plots"]["precision_recall"]:
         if curve["policy"] != "own scores":

@@ -31,7 +31,7 @@ ROW = DetectionRow(
 )  # fmt: skip
 
 
-def shaped(task: str, box: Box) -> dict[str, Any]:
+def make_shape(task: str, box: Box) -> dict[str, Any]:
     """A box, or the mask that fills it."""
     x, y, w, h = box
     if task == "coco":
@@ -59,11 +59,11 @@ def advice(
     """Each finding as "what => do"; predictions are (box, category, outcome at IoU 0.5)."""
     image = TrueImage(id=1, height=SIZE[0], width=SIZE[1])
     true = tuple(
-        to_record(TrueAnnotation, {**shaped(task, b), "image_id": 1, "category_id": c})
+        to_record(TrueAnnotation, {**make_shape(task, b), "image_id": 1, "category_id": c})
         for b, c in truths
     )
     entries = tuple(
-        to_record(ShownPrediction, {**shaped(task, b), **prediction(c, outcome)})
+        to_record(ShownPrediction, {**make_shape(task, b), **prediction(c, outcome)})
         for b, c, outcome in predictions
     )
     iou = _overlaps(task, image, true, entries)
@@ -185,7 +185,7 @@ def test_a_second_one_beside_a_found_truth_is_not_told_to_fit_it() -> None:
 def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     """A ring is predicted as its filled box would be: the box is right."""
     truth, frame = (10, 10, 40, 40), (10, 10, 40, 40)
-    ring = shaped("lvis", truth)
+    ring = make_shape("lvis", truth)
     mask = np.zeros(SIZE, np.uint8)
     mask[10:50, 10:50] = 1
     mask[14:46, 14:46] = 0
@@ -193,7 +193,7 @@ def test_a_mask_whose_box_fits_is_told_to_model_its_outline() -> None:
     ring["segmentation"]["counts"] = np.diff([0, *edges, mask.size]).tolist()
     image = TrueImage(id=1, height=SIZE[0], width=SIZE[1])
     true = (to_record(TrueAnnotation, {**ring, "image_id": 1, "category_id": CUP}),)
-    entry = to_record(ShownPrediction, {**shaped("lvis", frame), **prediction(CUP, "fp")})
+    entry = to_record(ShownPrediction, {**make_shape("lvis", frame), **prediction(CUP, "fp")})
     iou = _overlaps("lvis", image, true, (entry,))
     side = SideImage(
         row=ROW,
@@ -278,7 +278,7 @@ def test_another_label_is_advised_only_where_it_would_find_the_object() -> None:
     assert taken == [f"{what} => that object is detected already: remove it or its category"]
 
 
-def nested(own: int, part: int) -> list[str]:
+def nested_advice(own: int, part: int) -> list[str]:
     """A truth of 40 x 40; a prediction without its lower half, and one of that half."""
     return advice(
         "coco-masks",
@@ -288,7 +288,7 @@ def nested(own: int, part: int) -> list[str]:
 
 
 def test_parts_that_would_close_a_hole_are_told_with_what_they_gain() -> None:
-    said = next(s for s in nested(CUP, TABLE) if s.startswith("detected, but"))
+    said = next(s for s in nested_advice(CUP, TABLE) if s.startswith("detected, but"))
     assert said == (
         "detected, but with an IoU below 0.75: cup 0.60 => count table in, if part of it: IoU 0.96 "
         "with it; a label cuts its object out of the one around it"

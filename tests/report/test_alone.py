@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth
-from report.bench_pages import bench_dataset, bench_evaluation, troubled
+from report.bench_pages import bench_dataset, bench_evaluation, troubled_submissions
 from report.chromium import Browser, browser
-from report.pages import evaluated, write_photos
+from report.pages import evaluate, write_photos
 
 import legoworld
 from legoworld import cli
@@ -30,7 +30,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for task in ("coco", "coco-masks"):
         truth = random_truth(task, seed=3, images=8)
         answers = random_predictions(task, truth, seed=3, levels=None)
-        evaluated(folder, task, truth=truth, predictions=answers, kind="baseline", baseline="net")
+        evaluate(folder, task, truth=truth, predictions=answers, kind="baseline", baseline="net")
     write_photos(folder / "photos", "coco", seed=3, images=8)
     return folder
 
@@ -64,7 +64,7 @@ def test_one_photo_in_every_task_and_nothing_of_the_others(made: Path, chrome: B
 
 def test_a_case_of_the_bench(tmp_path: Path, chrome: Browser) -> None:
     dataset = bench_dataset(tmp_path)
-    evaluation = bench_evaluation(tmp_path, dataset, "agent", troubled(dataset))
+    evaluation = bench_evaluation(tmp_path, dataset, "agent", troubled_submissions(dataset))
     whole = legoworld.write_report([evaluation], tmp_path / "all.html")
     case = json.loads((evaluation / "per_image.jsonl").read_text().splitlines()[3])["file_name"]
     one = legoworld.write_report([evaluation], tmp_path / "one.html", photo=case)

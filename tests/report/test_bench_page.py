@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from evaluation.reconstruction.datasets import Dataset, Submission
 from msgspec.structs import replace
-from report.bench_pages import bench_dataset, bench_evaluation, troubled
+from report.bench_pages import bench_dataset, bench_evaluation, troubled_submissions
 from report.chromium import browser
-from report.pages import HOSTILE, Tables, document_of, embedded, page_of, written
+from report.pages import HOSTILE, Tables, document_of, embedded_json, page_of, write
 
 from legoworld import cli
 from legoworld.records.reconstruction import ObjectRow, PrecisionRecall, Registration
@@ -47,7 +47,7 @@ def evaluations(folder: Path, dataset: Dataset) -> list[Path]:
     """A troubled submission, and one a little too far away in one case."""
     far = {3: Submission(depth_z_m=dataset.cases[3].depth_z_m * 1.04)}
     return [
-        bench_evaluation(folder, dataset, "one", troubled(dataset)),
+        bench_evaluation(folder, dataset, "one", troubled_submissions(dataset)),
         bench_evaluation(folder, dataset, "two", far),
     ]
 
@@ -347,7 +347,7 @@ def test_the_list_of_cases_without_a_valid_submission_has_all_of_them(
 ) -> None:
     (section,) = document.sections
     failed = section.first.costs[0].most[0]
-    path = written(document, tmp_path / "page.html")
+    path = write(document, tmp_path / "page.html")
     count = "document.querySelector('[data-count=photos]').textContent"
     with browser(viewport={"width": 1200, "height": 900}) as page:
         for of, n in (("&of=0", failed.n), ("&of=1", 0)):
@@ -366,16 +366,16 @@ def test_the_tables_hold_both_averages_and_every_denominator(
     tables = text.split('id="data"')[0]
     assert "<img" not in tables
     assert "no specialist was run" not in tables
-    assert {o["name"] for o in embedded(page, "data")[0]["sections"][0]["bench"]["outcomes"]} == {
-        *NAMES
-    }
+    assert {
+        o["name"] for o in embedded_json(page, "data")[0]["sections"][0]["bench"]["outcomes"]
+    } == {*NAMES}
 
 
 def test_the_same_again_is_the_same_bytes(
     tmp_path: Path, evaluations: list[Path], document: PageDocument
 ) -> None:
-    first = written(document, tmp_path / "a" / "r.html")
-    second = written(document_of(*evaluations), tmp_path / "b" / "r.html")
+    first = write(document, tmp_path / "a" / "r.html")
+    second = write(document_of(*evaluations), tmp_path / "b" / "r.html")
     assert first.read_bytes() == second.read_bytes()
 
 
@@ -497,11 +497,11 @@ def test_many_cases_lie_beside_the_page_with_their_pictures(
     tmp_path: Path, document: PageDocument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("legoworld.report.page_file.EMBEDDED_VIEWS", 3)
-    page = written(document, tmp_path / "r.html")
+    page = write(document, tmp_path / "r.html")
     beside = sorted(p.name for p in (tmp_path / "r_files").iterdir())
     assert sum(name.startswith("overlay-") for name in beside) == len(document.overlays) > 0
     assert 'id="overlay-0"' not in page.read_text(encoding="utf-8")
-    written(document, tmp_path / "r.html")
+    write(document, tmp_path / "r.html")
     assert sorted(p.name for p in (tmp_path / "r_files").iterdir()) == beside
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth
 from report.chromium import Browser, browser
-from report.pages import document_of, evaluated, page_of
+from report.pages import document_of, evaluate, page_of
 
 from legoworld import cli
 from legoworld.evaluation.detection.matching.outcomes import table_from
@@ -59,7 +59,7 @@ def evaluated_part(folder: Path, ids: set[int], category: int | None) -> tuple[A
         truth["categories"] = [c for c in TRUTH["categories"] if c["id"] == category]
         kept = [a for a in kept if a["category_id"] == category]
         answers = [p for p in answers if p["category_id"] == category]
-    one = evaluated(folder, "coco", truth={**truth, "annotations": kept}, predictions=answers)
+    one = evaluate(folder, "coco", truth={**truth, "annotations": kept}, predictions=answers)
     lines = (one / "per_image.jsonl").read_text().splitlines()
     return json.loads((one / "summary.json").read_text()), [json.loads(line) for line in lines]
 
@@ -67,7 +67,7 @@ def evaluated_part(folder: Path, ids: set[int], category: int | None) -> tuple[A
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cohorts")
-    boxes = evaluated(folder, "coco", truth=TRUTH, predictions=ANSWERS, kind="baseline",
+    boxes = evaluate(folder, "coco", truth=TRUTH, predictions=ANSWERS, kind="baseline",
                       baseline=NAME)  # fmt: skip
     return page_of(folder / "report.html", boxes)
 
@@ -105,7 +105,7 @@ def test_a_tag_selects_its_photos_and_scores_them(chrome: Browser, tmp_path: Pat
     tags = tmp_path / "tags.csv"
     lines = [f"{names[i]},night,me" for i in night] + [f"{n},day" for n in names.values()]
     tags.write_text("\ufefffile_name,tag,by\n" + "\n".join([*lines, "other.jpg,night"]) + "\n")
-    boxes = evaluated(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
+    boxes = evaluate(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
     page = tmp_path / "tagged.html"
     assert cli.run(["report", str(boxes), "--tags", str(tags), "-o", str(page)]) == 0
     chrome.open(page, "#/coco?tab=photos")
@@ -134,7 +134,7 @@ def test_tags_that_cannot_be_used_are_refused(
 ) -> None:
     tags = tmp_path / "tags.csv"
     tags.write_text(text)
-    boxes = evaluated(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
+    boxes = evaluate(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
     page = tmp_path / "page.html"
     assert cli.run(["report", str(boxes), "--tags", str(tags), "-o", str(page)]) == 2
     assert said in capsys.readouterr().err
@@ -214,7 +214,7 @@ def test_what_is_on_screen_is_saved_as_latex(chrome: Browser, page: Path) -> Non
 
 def test_a_photo_gains_what_its_mending_gains(tmp_path: Path) -> None:
     """Against the evaluator, over predictions that are perfect on that photo alone."""
-    boxes = evaluated(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
+    boxes = evaluate(tmp_path, "coco", truth=TRUTH, predictions=ANSWERS)
     gains = photo_gains(read_evaluation(boxes))
     before = json.loads((boxes / "summary.json").read_text())["metrics"]["AP50"]
     for image_id in sorted(gains)[:2]:
@@ -224,6 +224,6 @@ def test_a_photo_gains_what_its_mending_gains(tmp_path: Path) -> None:
             if a["image_id"] == image_id and not a["iscrowd"]
         ]
         mended = [p for p in ANSWERS if p["image_id"] != image_id] + perfect
-        one = evaluated(tmp_path / str(image_id), "coco", truth=TRUTH, predictions=mended)
+        one = evaluate(tmp_path / str(image_id), "coco", truth=TRUTH, predictions=mended)
         after = json.loads((one / "summary.json").read_text())["metrics"]["AP50"]
         assert gains[image_id] == pytest.approx(after - before, abs=1e-9)

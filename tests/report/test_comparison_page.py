@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from report.pages import Tables, document_of, evaluated, page_of
+from report.pages import Tables, document_of, evaluate, page_of
 
 from legoworld import cli
 from legoworld.records.comparison import Measured
@@ -19,8 +19,8 @@ from legoworld.report.tables import comparison_tables
 
 @pytest.fixture
 def comparison(tmp_path: Path) -> Path:
-    scene = evaluated(tmp_path, "coco", statuses={10: "failed"})
-    other = evaluated(tmp_path, "coco", levels=None, kind="baseline", baseline="random")
+    scene = evaluate(tmp_path, "coco", statuses={10: "failed"})
+    other = evaluate(tmp_path, "coco", levels=None, kind="baseline", baseline="random")
     folder = tmp_path / "comparison"
     arguments = ["compare", str(scene), str(other), "-o", str(folder), "--draws", "20"]
     assert cli.run(arguments) == 0
@@ -75,12 +75,12 @@ def test_without_its_evaluations_the_tables_stand_alone(comparison: Path, tmp_pa
 def test_an_evaluation_made_anew_is_not_taken_for_the_compared_one(
     comparison: Path, tmp_path: Path
 ) -> None:
-    evaluated(tmp_path, "coco", statuses={10: "failed", 13: "failed"})
+    evaluate(tmp_path, "coco", statuses={10: "failed", 13: "failed"})
     with pytest.raises(ReportInputError, match="is not what comparison was computed from"):
         document_of(comparison)
 
 
-def measured(**changed: Any) -> Measured:
+def make_measured(**changed: Any) -> Measured:
     fields = {"value": 0.5, "interval": None, "over": {"objects": 4, "images": 2, "at_once": 1}}
     return Measured(**{**fields, **changed})
 
@@ -91,14 +91,14 @@ def test_a_deviation_stands_where_no_interval_does(comparison: Path) -> None:
     (pair,) = document.pairs
     ends = next(r.scene.interval for r in pair.rows if r.scene.ends)
     cells = {
-        "": measured(),
-        "sd 0.1250": measured(sd=0.125),
-        f"[{ends.low:.4f}, {ends.high:.4f}]": measured(sd=0.125, interval=ends),
+        "": make_measured(),
+        "sd 0.1250": make_measured(sd=0.125),
+        f"[{ends.low:.4f}, {ends.high:.4f}]": make_measured(sd=0.125, interval=ends),
     }
     for spread, cell in cells.items():
         row = replace(pair.rows[0], scene=cell, baseline=replace(cell, constant=0.25))
         shown = comparison_tables(replace(document, pairs=(replace(pair, rows=(row,)),)))
         scene, baseline = shown[0].tables[0].rows[0][4:]
-        assert (str(scene), scene.spread) == ("0.5000", spread)
+        assert (str(scene), scene.interval_text) == ("0.5000", spread)
         assert scene.below == "2 images, 1 at once, 4 objects"
         assert baseline.below == "2 images, 1 at once, 4 objects; a constant: 0.2500"

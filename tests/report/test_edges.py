@@ -322,7 +322,7 @@ def test_what_costs_most_comes_first_and_of_two_sides_what_tells_them_apart(
             for key, one in gain.items()
         }
 
-    side: Any = SimpleNamespace(found=findings(GAIN), least=0.0005, sign=1)
+    side: Any = SimpleNamespace(by_error=findings(GAIN), least=0.0005, sign=1)
     made = costs._costs(side, None if other is None else findings(other), 0)
     assert [cost.kind for cost in made] == kinds
     for cost in made:
@@ -332,7 +332,7 @@ def test_what_costs_most_comes_first_and_of_two_sides_what_tells_them_apart(
         assert cost.link == f"?tab=photos&cat={key[1]}&of=0"
 
 
-def repeated(mean: float | None, ends: tuple[float, float] | None = None) -> Any:
+def make_repeated(mean: float | None, ends: tuple[float, float] | None = None) -> Any:
     interval = None if ends is None else SimpleNamespace(ends=ends)
     return SimpleNamespace(mean=mean, sd=0.01, interval=interval, n=(6,))
 
@@ -340,30 +340,30 @@ def repeated(mean: float | None, ends: tuple[float, float] | None = None) -> Any
 @pytest.mark.parametrize(
     ("s", "several", "said"),
     [
-        (repeated(0.5, (0.25, 0.75)), True,
+        (make_repeated(0.5, (0.25, 0.75)), True,
          "Highest S of 2: codex, 0.500 [0.250, 0.750] over 6 cases, 1 run."),
-        (repeated(0.5), False, "codex: S 0.500 over 6 cases, mean of 1 run."),
-        (repeated(None), False, "codex: R 0.125 over 6 cases, mean of 1 run."),
+        (make_repeated(0.5), False, "codex: S 0.500 over 6 cases, mean of 1 run."),
+        (make_repeated(None), False, "codex: R 0.125 over 6 cases, mean of 1 run."),
     ],
 )  # fmt: skip
 def test_who_leads(s: Any, several: bool, said: str) -> None:
     def board_row(agent: str, s: Any) -> Any:
-        group = SimpleNamespace(cases=6, metrics={"S": s, "R": repeated(0.125)})
+        group = SimpleNamespace(cases=6, metrics={"S": s, "R": make_repeated(0.125)})
         return SimpleNamespace(agent=agent, model=NOT_RECORDED, evaluations=("e",),
                                groups=[group, None])  # fmt: skip
 
-    rows = [board_row("codex", s), *[board_row("other", repeated(0.9))] * several]
+    rows = [board_row("codex", s), *[board_row("other", make_repeated(0.9))] * several]
     board: Any = SimpleNamespace(rows=rows)
     assert reconstruction_tables._leads(board) == said
 
 
 def test_a_mean_of_runs_has_its_interval_and_its_deviation_below() -> None:
-    alone = reconstruction_tables._repeated(repeated(0.5))
+    alone = reconstruction_tables._mean_of_runs(make_repeated(0.5))
     assert (alone.value, alone.sd, alone.digits, alone.ends, alone.below) == (
         0.5, 0.01, 3, None, "",
     )  # fmt: skip
-    both = reconstruction_tables._repeated(repeated(0.5, (0.25, 0.75)))
-    assert (both.ends, both.digits, both.below) == ((0.25, 0.75), 3, alone.spread)
+    both = reconstruction_tables._mean_of_runs(make_repeated(0.5, (0.25, 0.75)))
+    assert (both.ends, both.digits, both.below) == ((0.25, 0.75), 3, alone.interval_text)
 
 
 @pytest.mark.parametrize("failed", [False, True])
@@ -378,6 +378,6 @@ def test_label_maps_without_any_segment_have_no_number(page: str, failed: bool) 
         rows=rows, summary=SimpleNamespace(categories=()), name="x", is_scene=True
     )
     findings = label_maps_page._findings(family, mends, side, Counter())
-    assert (findings.value, findings.answered, findings.found) == (None, None, {})
+    assert (findings.value, findings.value_answered, findings.by_error) == (None, None, {})
     (shown,) = costs.side_costs([findings])
     assert shown.most == ()

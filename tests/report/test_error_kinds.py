@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth
-from report.pages import document_of, evaluated
+from report.pages import document_of, evaluate
 
 from legoworld.evaluation.detection.payloads.boxes import overlaps
 from legoworld.report.error_kinds import ImageErrors, image_errors
@@ -93,7 +93,7 @@ def test_counts_agree_with_hotcoco_s_tide(tmp_path: Any, seed: int) -> None:
     for annotation in truth["annotations"]:
         annotation["iscrowd"] = 0
     predictions = random_predictions("coco", truth, seed=seed)
-    evaluation = evaluated(
+    evaluation = evaluate(
         tmp_path, "coco", truth=truth, predictions=predictions, kind="baseline", baseline="random"
     )
     mine = document_of(evaluation).sections[0].errors[0].counts

@@ -16,11 +16,11 @@ from report.chromium import Browser, browser
 from report.pages import (
     HOSTILE,
     document_of,
-    embedded,
-    evaluated,
+    embedded_json,
+    evaluate,
     page_of,
+    write,
     write_photos,
-    written,
 )
 
 from legoworld import cli
@@ -57,10 +57,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = write_run(folder / "run", {"a.png": 1.5 * truth["a.png"]})  # type: ignore[dict-item]
     evaluate_depth(run, write_arrays(folder / "truth", truth), folder / "depth", draws=5)
     lvis = [
-        evaluated(folder, "lvis", statuses={10: "failed"}),
-        evaluated(folder, "lvis", levels=None, kind="baseline", baseline="random"),
+        evaluate(folder, "lvis", statuses={10: "failed"}),
+        evaluate(folder, "lvis", levels=None, kind="baseline", baseline="random"),
     ]
-    boxes = evaluated(folder, "coco", hostile=True)
+    boxes = evaluate(folder, "coco", hostile=True)
     photos = write_photos(folder / "photos", "coco")
     return page_of(folder / "report.html", boxes, *lvis, folder / "depth", photos=photos)
 
@@ -143,7 +143,7 @@ def test_the_gallery_sorts_as_the_address_says(chrome: Browser, page: Path) -> N
 
 
 def test_numbers_sort_as_numbers_and_gaps_come_last(chrome: Browser, page: Path) -> None:
-    (data,) = embedded(page, "data")
+    (data,) = embedded_json(page, "data")
     rows = {str(r["id"]): r["cells"][1]["quality"] for r in data["sections"][1]["images"]}
     for order, falling in (("q1", False), ("-q1", True)):
         chrome.open(page, f"#/lvis?tab=photos&sort={order}")
@@ -178,7 +178,7 @@ def test_the_better_side_filters(chrome: Browser, page: Path) -> None:
 
 def test_a_cost_s_link_lists_its_photos(chrome: Browser, page: Path) -> None:
     """The first screen says how many images an error is in; its link shows just those."""
-    (data,) = embedded(page, "data")
+    (data,) = embedded_json(page, "data")
     cost = data["sections"][0]["first"]["costs"][0]["most"][0]
     chrome.open(page, "#/coco")
     click(chrome, f"{SECTION} .costs a")
@@ -278,7 +278,7 @@ def test_masks_are_outlined_along_their_pixels(chrome: Browser, tmp_path: Path) 
     ]
     truth["images"][0]["neg_category_ids"] = ids
     page = page_of(
-        tmp_path / "r.html", evaluated(tmp_path, "lvis", truth=truth, predictions=predictions)
+        tmp_path / "r.html", evaluate(tmp_path, "lvis", truth=truth, predictions=predictions)
     )
     chrome.open(page, f"#/lvis/{truth['images'][0]['id']}?show=tp.fp.other")
     painted = chrome.js(
@@ -406,7 +406,7 @@ def test_views_beside_the_page_are_loaded_from_the_disk(
 ) -> None:
     monkeypatch.setattr(page_file, "EMBEDDED_VIEWS", 3)
     photos = write_photos(tmp_path / "photos", "coco")
-    page = written(document_of(evaluated(tmp_path, "coco"), photos=photos), tmp_path / "r.html")
+    page = write(document_of(evaluate(tmp_path, "coco"), photos=photos), tmp_path / "r.html")
     chrome.open(page, "#/coco/13?sort=file")
     chrome.until("document.querySelector('.frame image')")
     chrome.key("ArrowRight")
@@ -423,8 +423,8 @@ def test_views_beside_the_page_are_loaded_from_the_disk(
 
 def test_a_comparison_without_its_evaluations_still_opens(chrome: Browser, tmp_path: Path) -> None:
     sides = [
-        evaluated(tmp_path, "coco"),
-        evaluated(tmp_path, "coco", kind="baseline", baseline="random"),
+        evaluate(tmp_path, "coco"),
+        evaluate(tmp_path, "coco", kind="baseline", baseline="random"),
     ]
     folder = tmp_path / "comparison"
     assert cli.run(["compare", *map(str, sides), "-o", str(folder), "--draws", "20"]) == 0
@@ -441,7 +441,7 @@ def test_views_that_were_left_behind_are_said(
     chrome: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page_file, "EMBEDDED_VIEWS", 3)
-    page = written(document_of(evaluated(tmp_path, "coco")), tmp_path / "r.html")
+    page = write(document_of(evaluate(tmp_path, "coco")), tmp_path / "r.html")
     (tmp_path / "r_files" / "view-000001.js").unlink()
     chrome.open(page, "#/coco/13")
     chrome.until(
@@ -456,7 +456,7 @@ def test_only_the_cards_near_the_window_exist(chrome: Browser, tmp_path: Path) -
     """Four hundred photos: every one is reached by scrolling, few are in the page at a time."""
     truth = random_truth("coco", seed=5, images=400)
     predictions = random_predictions("coco", truth, seed=5, per_image=2, levels=1)
-    evaluation = evaluated(tmp_path, "coco", truth=truth, predictions=predictions)
+    evaluation = evaluate(tmp_path, "coco", truth=truth, predictions=predictions)
     chrome.open(page_of(tmp_path / "r.html", evaluation), "#/coco?tab=photos")
     met, most = chrome.js(
         """(async () => {

@@ -22,13 +22,13 @@ from legoworld.report.detection_section import _findings
 from legoworld.report.mended_ap import MendedAp, prediction_errors
 from legoworld.report.sources import ReportInputError
 
-from .pages import evaluated
+from .pages import evaluate
 
 Rows = list[dict[str, Any]]
 MOVED = ("localisation", "classification")
 
 
-def collected(folder: Path) -> tuple[MendedAp, list[DetectionImage]]:
+def collect_errors(folder: Path) -> tuple[MendedAp, list[DetectionImage]]:
     side = read_evaluation(folder, unnamed="side")
     mended, images = MendedAp(side=side), list(detection_images((side,)))
     for image in images:
@@ -91,8 +91,8 @@ def test_every_gain_is_what_the_official_evaluator_says_of_a_mended_copy(
 ) -> None:
     truth = random_truth("coco", seed=seed, images=30)
     predictions = random_predictions("coco", truth, seed=seed)
-    mended, images = collected(
-        evaluated(tmp_path, "coco", truth=truth, predictions=predictions, levels=None)
+    mended, images = collect_errors(
+        evaluate(tmp_path, "coco", truth=truth, predictions=predictions, levels=None)
     )
     costs = mended.costs()
     kinds = set()
@@ -113,8 +113,8 @@ def test_the_kinds_cost_what_hotcoco_s_tide_says(tmp_path: Path) -> None:
     for annotation in truth["annotations"]:
         annotation["iscrowd"] = 0
     predictions = random_predictions("coco", truth, seed=7)
-    mended, _ = collected(
-        evaluated(tmp_path, "coco", truth=truth, predictions=predictions, levels=None)
+    mended, _ = collect_errors(
+        evaluate(tmp_path, "coco", truth=truth, predictions=predictions, levels=None)
     )
     gain = mended.costs("AP50").gain
     true = hotcoco.COCO(truth)
@@ -134,7 +134,7 @@ def test_the_kinds_cost_what_hotcoco_s_tide_says(tmp_path: Path) -> None:
 def test_masks_and_partly_annotated_categories_repeat_the_official_ap(
     task: str, tmp_path: Path
 ) -> None:
-    mended, _ = collected(evaluated(tmp_path, task, seed=3, images=30, levels=None))
+    mended, _ = collect_errors(evaluate(tmp_path, task, seed=3, images=30, levels=None))
     costs = mended.costs()
     assert costs.ap == pytest.approx(mended.side.detection.metrics["AP"], abs=1e-12)
     assert min(costs.gain.values()) > -1e-12
@@ -143,7 +143,7 @@ def test_masks_and_partly_annotated_categories_repeat_the_official_ap(
 
 def test_images_without_an_answer_come_first(tmp_path: Path) -> None:
     statuses = {10 + 3 * i: "missing" for i in range(4, 12)}
-    mended, _ = collected(evaluated(tmp_path, "coco", statuses=statuses))
+    mended, _ = collect_errors(evaluate(tmp_path, "coco", statuses=statuses))
     (costs,) = side_costs([_findings(mended, NAMES)])
     first = costs.most[0]
     assert first.kind == "failed"
@@ -176,7 +176,7 @@ def test_a_planted_confusion_is_what_costs_most(tmp_path: Path) -> None:
     rare = [p for p in predictions if p["category_id"] == 5]
     for one in rare[::2]:
         one["category_id"] = 7
-    mended, _ = collected(evaluated(tmp_path, "coco", truth=truth, predictions=predictions))
+    mended, _ = collect_errors(evaluate(tmp_path, "coco", truth=truth, predictions=predictions))
     (costs,) = side_costs([_findings(mended, NAMES)])
     (most,) = costs.most
     assert (most.kind, most.n, most.images) == ("classification", 3, 3)
@@ -191,8 +191,8 @@ def test_of_two_sides_each_is_told_what_tells_it_from_the_other(tmp_path: Path) 
     sides = []
     for name, left_out in (("one", {neither, first_only}), ("two", {neither})):
         shown = [p for p in every if p["category_id"] not in left_out]
-        folder = evaluated(tmp_path, "coco", truth=truth, predictions=shown, baseline=name)
-        sides.append(collected(folder)[0])
+        folder = evaluate(tmp_path, "coco", truth=truth, predictions=shown, baseline=name)
+        sides.append(collect_errors(folder)[0])
     one, two = side_costs([_findings(side, NAMES) for side in sides])
     assert [(c.kind, c.others) for c in one.most] == [("missed", 0.0)]
     assert f"&cat={first_only}&" in one.most[0].link
@@ -201,8 +201,8 @@ def test_of_two_sides_each_is_told_what_tells_it_from_the_other(tmp_path: Path) 
 
 
 def test_matches_that_do_not_repeat_the_ap_are_refused(tmp_path: Path) -> None:
-    folder = evaluated(tmp_path, "coco")
-    mended, _ = collected(folder)
+    folder = evaluate(tmp_path, "coco")
+    mended, _ = collect_errors(folder)
     other = json.loads((folder / "summary.json").read_text())
     mended.side.detection.metrics["AP"] = other["metrics"]["AP"] + 1e-6
     with pytest.raises(ReportInputError, match=r"does? not repeat the evaluation's AP"):

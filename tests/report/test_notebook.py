@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from report.pages import HOSTILE, evaluated
+from report.pages import HOSTILE, evaluate
 
 import legoworld
 from legoworld.records.report_tables import ForestRow, Span
@@ -52,7 +52,7 @@ class Checked(HTMLParser):
 
 
 def test_an_evaluation_shows_its_metrics(tmp_path: Path) -> None:
-    found = legoworld.Evaluation.open(evaluated(tmp_path, "coco", statuses={10: "failed"}))
+    found = legoworld.Evaluation.open(evaluate(tmp_path, "coco", statuses={10: "failed"}))
     shown = Checked(found._repr_html_())
     ap = found.summary.intervals["AP"]
     assert f"AP {found.metrics['AP']:.3f} [{ap.low:.3f}, {ap.high:.3f}]" in shown.text
@@ -68,8 +68,8 @@ def test_an_evaluation_shows_its_metrics(tmp_path: Path) -> None:
 
 def test_a_comparison_shows_its_verdict(tmp_path: Path) -> None:
     sides = [
-        evaluated(tmp_path, "lvis"),
-        evaluated(tmp_path, "lvis", levels=None, kind="baseline", baseline=f"random {HOSTILE}"),
+        evaluate(tmp_path, "lvis"),
+        evaluate(tmp_path, "lvis", levels=None, kind="baseline", baseline=f"random {HOSTILE}"),
     ]
     found = legoworld.compare(sides, tmp_path / "comparison", draws=20)
     shown = Checked(found._repr_html_())

@@ -14,11 +14,11 @@ from report.pages import (
     HOSTILE,
     Tables,
     document_of,
-    embedded,
-    evaluated,
+    embedded_json,
+    evaluate,
     page_of,
+    write,
     write_photos,
-    written,
 )
 
 from legoworld import cli
@@ -37,8 +37,8 @@ STATUSES = {10: "failed", 13: "missing", 16: "timeout"}
 def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A scene with failures beside a baseline with scores, over one truth."""
     folder = tmp_path_factory.mktemp("both")
-    scene = evaluated(folder, "lvis", statuses=STATUSES)
-    other = evaluated(folder, "lvis", levels=None, kind="baseline", baseline="random-masks")
+    scene = evaluate(folder, "lvis", statuses=STATUSES)
+    other = evaluate(folder, "lvis", levels=None, kind="baseline", baseline="random-masks")
     return scene, other
 
 
@@ -244,7 +244,7 @@ def test_photos_of_any_name_are_shown_and_one_too_long_is_said(tmp_path: Path) -
             picture = np.zeros((image["height"], image["width"], 3), np.uint8)
             path = tmp_path / "photos" / name
             path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
-    folder = evaluated(tmp_path, "coco", truth=truth)
+    folder = evaluate(tmp_path, "coco", truth=truth)
     document = document_of(folder, photos=tmp_path / "photos")
     photos = {view.file_name: view.photo for view in document.views}
     assert {name for name, photo in photos.items() if photo is None} == {NAMES[-1]}
@@ -254,7 +254,7 @@ def test_photos_of_any_name_are_shown_and_one_too_long_is_said(tmp_path: Path) -
     text = page.read_text(encoding="utf-8")
     assert "<b>&amp;.png" not in text
     assert f"the photo {NAMES[-1]} was not found" in text
-    assert {view["file_name"] for view in embedded(page, "view")} == set(NAMES)
+    assert {view["file_name"] for view in embedded_json(page, "view")} == set(NAMES)
 
 
 def test_a_photo_of_another_size_or_no_photo_at_all_is_not_drawn_on(
@@ -318,14 +318,14 @@ def test_commands_hashes_versions_and_licences(both: tuple[Path, Path], page: Pa
 
 
 def test_one_side_alone_says_that_no_specialist_was_run(tmp_path: Path) -> None:
-    alone = page_of(tmp_path / "r.html", evaluated(tmp_path, "coco"))
+    alone = page_of(tmp_path / "r.html", evaluate(tmp_path, "coco"))
     text = alone.read_text()
     assert text.count("<td>no specialist was run</td>") == 3
     assert "<b>no specialist was run</b>" in text
 
 
 def test_nothing_predicted(tmp_path: Path) -> None:
-    evaluation = evaluated(tmp_path, "coco", predictions=[])
+    evaluation = evaluate(tmp_path, "coco", predictions=[])
     path = page_of(tmp_path / "r.html", evaluation)
     assert Tables(path).row("AP")[0] == f"{summary_of(evaluation)['metrics']['AP']:.4f}"
     views = document_of(evaluation).views
@@ -335,14 +335,14 @@ def test_nothing_predicted(tmp_path: Path) -> None:
 
 
 def test_names_from_scenes_are_text_wherever_they_stand(tmp_path: Path) -> None:
-    path = page_of(tmp_path / "r.html", evaluated(tmp_path, "coco", hostile=True))
+    path = page_of(tmp_path / "r.html", evaluate(tmp_path, "coco", hostile=True))
     text = path.read_text(encoding="utf-8")
     assert "<img" not in text
     assert "alert(1)" in text
     assert text.count("</script>") == text.count("<script"), "no name ends a script element"
-    (data,) = embedded(path, "data")
+    (data,) = embedded_json(path, "data")
     assert HOSTILE in data["sections"][0]["names"].values()
-    views = embedded(path, "view-")
+    views = embedded_json(path, "view-")
     tables = [t for v in views for s in v["sides"] for t in s["tables"]]
     assert {t["title"] for t in tables} == {
         "Objects without a category, the largest first",
@@ -379,7 +379,7 @@ def test_many_views_lie_beside_the_page(
     path = page_of(tmp_path / "r.html", *both, photos=photos)
     beside = tmp_path / "r_files"
     assert len(list(beside.glob("view-*.js"))) == len(list(beside.glob("photo-*.webp"))) == 12
-    assert embedded(path, "view-") == []
+    assert embedded_json(path, "view-") == []
     assert "<code>r_files/</code> beside it" in path.read_text()
     page_of(path, both[0], photos=photos)
     (beside / "mine.txt").write_text("keep me")
@@ -399,13 +399,13 @@ def test_bytes_count_as_base64_spells_them(
     photos = sum(len(p) * 4 // 3 for kind in document.pictures.values() for p in kind)
     views = sum(len(script_json(view)) for view in document.views)
     monkeypatch.setattr(page_file, "EMBEDDED_BYTES", photos + views + most)
-    written(document, tmp_path / "r.html")
+    write(document, tmp_path / "r.html")
     assert (tmp_path / "r_files").is_dir() == beside
     three = (b"three" * 6, b"3d")
     document = replace(document, scenes=replace(document.scenes, glbs=three))
     monkeypatch.setattr(page_file, "EMBEDDED_BYTES", 1 << 30)
     monkeypatch.setattr(page_file, "EMBEDDED_SCENE_BYTES", 32 * 4 // 3 + most)
-    written(document, tmp_path / "s.html")
+    write(document, tmp_path / "s.html")
     assert (tmp_path / "s_files").is_dir() == beside
 
 
@@ -417,7 +417,7 @@ def test_another_file_is_never_written_over(both: tuple[Path, Path], tmp_path: P
 
 
 def test_sections_of_one_task_are_numbered_in_links(tmp_path: Path) -> None:
-    folders = [evaluated(tmp_path / name, "coco", images=3, seed=k)
+    folders = [evaluate(tmp_path / name, "coco", images=3, seed=k)
                for k, name in enumerate(("a", "b", "c"), start=1)]  # fmt: skip
     assert [s.key for s in read_sources(folders)] == ["coco", "coco-2", "coco-3"]
     document = document_of(*folders)
@@ -425,8 +425,8 @@ def test_sections_of_one_task_are_numbered_in_links(tmp_path: Path) -> None:
 
 
 def test_changed_or_foreign_folders_are_refused(tmp_path: Path) -> None:
-    evaluation = evaluated(tmp_path, "coco")
-    other = evaluated(tmp_path / "other", "coco", images=3, seed=1)
+    evaluation = evaluate(tmp_path, "coco")
+    other = evaluate(tmp_path / "other", "coco", images=3, seed=1)
     path = evaluation / "view" / "predictions.json"
     path.write_text(path.read_text().replace("tp", "fp"))
     with pytest.raises(
@@ -440,9 +440,9 @@ def test_changed_or_foreign_folders_are_refused(tmp_path: Path) -> None:
 
 
 def test_evaluations_of_different_truths_are_different_sections(tmp_path: Path) -> None:
-    one = evaluated(tmp_path / "a", "coco")
-    two = evaluated(tmp_path / "b", "coco", seed=2)
-    three = evaluated(tmp_path / "a", "lvis")
+    one = evaluate(tmp_path / "a", "coco")
+    two = evaluate(tmp_path / "b", "coco", seed=2)
+    three = evaluate(tmp_path / "a", "lvis")
     keys = [s.key for s in document_of(three, one, two, one).sections]
     assert keys == ["coco", "coco-2", "lvis"]
 

@@ -47,14 +47,14 @@ from legoworld.report.mended_ap import MendedAp, prediction_errors
 from legoworld.report.notebook import instances_text, statuses_html
 from legoworld.report.parts import lone_part, shared_truth_parts
 from legoworld.report.reconstruction_pictures import OUTCOMES
-from legoworld.report.tried import Tried, _fitted_iou, try_steps
+from legoworld.report.tried import Gains, _fitted_iou, try_steps
 
 
 def truth(*box: float, category: int = 1) -> TrueAnnotation:
     return TrueAnnotation(image_id=1, category_id=category, bbox=box)  # type: ignore[arg-type]
 
 
-def shown(*box: float, category: int = 1) -> ShownPrediction:
+def shape(*box: float, category: int = 1) -> ShownPrediction:
     return ShownPrediction(
         image_id=1, category_id=category, bbox=box, score=0.5, outcome_50="fp",  # type: ignore[arg-type]
     )  # fmt: skip
@@ -83,7 +83,7 @@ WHOLE = truth(0, 0, 10, 10)
     ],
 )
 def test_parts_share_a_truth_from_80_percent_inside_and_a_gain_of_a_twentieth(second, together):
-    image, side = photo([WHOLE], [shown(0, 0, 10, 5), shown(*second)])
+    image, side = photo([WHOLE], [shape(0, 0, 10, 5), shape(*second)])
     found = shared_truth_parts("coco", image, side)
     assert [round(one.together_iou, 3) for one in found] == ([together] if together else [])
     if found:
@@ -91,24 +91,24 @@ def test_parts_share_a_truth_from_80_percent_inside_and_a_gain_of_a_twentieth(se
 
 
 def test_only_parts_of_its_own_category_share_a_truth_that_is_not_ignored():
-    halves = [shown(0, 0, 10, 5), shown(0, 5, 10, 5)]
+    halves = [shape(0, 0, 10, 5), shape(0, 5, 10, 5)]
     assert len(shared_truth_parts("coco", *photo([WHOLE], halves))) == 1
     assert shared_truth_parts("coco", *photo([WHOLE], halves, truth=("ignored",))) == []
-    other = [halves[0], shown(0, 5, 10, 5, category=2)]
+    other = [halves[0], shape(0, 5, 10, 5, category=2)]
     assert shared_truth_parts("coco", *photo([WHOLE], other)) == []
     finder = photo([WHOLE], halves, finder=(0,), kind=(None, "duplicate"))
     assert [one.predictions for one in shared_truth_parts("coco", *finder)] == [(0, 1)]
     both_right = photo([WHOLE], halves, finder=(0,), kind=(None, None))
     assert shared_truth_parts("coco", *both_right) == []
-    small = photo([WHOLE], [shown(0, 0, 10, 2.5), shown(0, 2.5, 10, 2.4)])
+    small = photo([WHOLE], [shape(0, 0, 10, 2.5), shape(0, 2.5, 10, 2.4)])
     assert shared_truth_parts("coco", *small) == [], "together under one half"
-    half = photo([WHOLE], [shown(0, 0, 10, 2.5), shown(0, 2.5, 10, 2.5)])
+    half = photo([WHOLE], [shape(0, 0, 10, 2.5), shape(0, 2.5, 10, 2.5)])
     assert len(shared_truth_parts("coco", *half)) == 1
 
 
 def test_a_lone_part_lies_in_the_truth_that_holds_most_of_it():
     truths = [truth(0, 0, 4, 10), truth(0, 0, 10, 10), truth(0, 0, 20, 20, category=2)]
-    image, side = photo(truths, [shown(0, 0, 5, 2), shown(8, 0, 2.5, 2), shown(8, 0, 2.6, 2)])
+    image, side = photo(truths, [shape(0, 0, 5, 2), shape(8, 0, 2.5, 2), shape(8, 0, 2.6, 2)])
     assert [lone_part("coco", image, entry, side) for entry in range(3)] == [1, 1, None]
     side.errors.truth = ("missed", "ignored", "missed")
     assert lone_part("coco", image, 0, side) == 0
@@ -122,14 +122,14 @@ def test_a_lone_part_lies_in_the_truth_that_holds_most_of_it():
      (0.6, 0.61, False, True), (0.5, 0.55, False, True)],
 )  # fmt: skip
 def test_a_step_helps_from_a_gain_of_a_twentieth(together, fitted, parts, fit):
-    tried = Tried(iou=0.5, given_back=(), together_iou=together, fitted_iou=fitted)
+    tried = Gains(iou=0.5, given_back=(), together_iou=together, fitted_iou=fitted)
     assert (tried.parts_help, tried.fit_helps) == (parts, fit)
 
 
 def test_parts_of_other_categories_are_given_back():
-    entries = [shown(0, 0, 10, 5), shown(0, 5, 10, 4, category=2), shown(0, 9, 10, 1),
-               shown(0, 8, 10, 2.6, category=2),
-               shown(0, 8, 5, 2.5, category=3)]  # fmt: skip
+    entries = [shape(0, 0, 10, 5), shape(0, 5, 10, 4, category=2), shape(0, 9, 10, 1),
+               shape(0, 8, 10, 2.6, category=2),
+               shape(0, 8, 5, 2.5, category=3)]  # fmt: skip
     image, side = photo([WHOLE], entries)
     side.iou = np.array([[0.5], [0.4], [0.1], [0.2], [0.1]])
     found = try_steps("coco", image, side, 0, 0)
@@ -252,20 +252,20 @@ def test_the_licence_of_data_is_that_of_the_truth_s_own_bytes():
     )  # fmt: skip
 
 
-def measured(value: float | None, **more: Any) -> Measured:
+def make_measured(value: float | None, **more: Any) -> Measured:
     return Measured(value=value, interval=None, over={"truths": 3, "images": 2}, **more)
 
 
-def compared(metric: str, level: Any, *, images: Any = "attempted", policy: str = "own") -> Any:
+def make_row(metric: str, level: Any, *, images: Any = "attempted", policy: str = "own") -> Any:
     return ComparisonRow(
         metric=metric, policy=policy, images=images, better="higher", level=level,
-        scene=measured(0.5, constant=0.25), baseline=measured(0.25),
+        scene=make_measured(0.5, constant=0.25), baseline=make_measured(0.25),
         difference=Difference(value=0.25, interval=None),
     )  # fmt: skip
 
 
 def test_a_pair_s_rows_are_shown_or_folded_by_their_level():
-    rows = (compared("AP", 2), compared("own.AP50", 1), compared("AP75.own", 1))
+    rows = (make_row("AP", 2), make_row("own.AP50", 1), make_row("AP75.own", 1))
     pair = SimpleNamespace(scene="s", baseline="b", coverage=None, dropped=(), rows=rows)
     (made,) = tables.comparison_tables(SimpleNamespace(pairs=[pair]))  # type: ignore[arg-type]
     assert (made.scene, made.baseline) == ("s", "b")
@@ -312,8 +312,8 @@ def test_without_a_specialist_the_first_row_says_so():
      (("paired",), "paired"), ((), None)],
 )  # fmt: skip
 def test_a_plot_s_row_is_over_all_attempted_images_where_it_can_be(images, taken):
-    rows = [compared("AP", 1, images=name) for name in images]
-    pair: Any = SimpleNamespace(rows=[compared("AP50", 1), *rows])
+    rows = [make_row("AP", 1, images=name) for name in images]
+    pair: Any = SimpleNamespace(rows=[make_row("AP50", 1), *rows])
     found = forest._row(pair, "AP")
     assert (found and found.images) == taken
 
@@ -334,43 +334,43 @@ def test_each_image_is_in_the_coverage_once():
     ]  # fmt: skip
 
 
-def mended(name: str, gain: dict[Any, float], *, failed: int = 0, scene: bool = True) -> Any:
+def costs_of(name: str, gain: dict[Any, float], *, failed: int = 0, scene: bool = True) -> Any:
     found = {
         key: costs.Finding(text=str(key[1]), gain=one, images=[1, 2], category=key[1])
         for key, one in gain.items()
     }
     return costs.Findings(
         side=SimpleNamespace(name=name, is_scene=scene),  # type: ignore[arg-type]
-        metric="AP", over="all 4 images", found=found, attempted=4, failed=failed, value=0.25,
-        answered=0.5, errors=", of 12 errors",
+        metric="AP", over="all 4 images", by_error=found, n_attempted=4, n_failed=failed,
+        value=0.25, value_answered=0.5, errors=", of 12 errors",
     )  # fmt: skip
 
 
 def test_four_costs_are_named_of_one_side_and_three_of_each_of_two():
     gain = {("missed", n): 0.1 + n / 100 for n in range(6)}
-    (one,) = costs.side_costs([mended("a", gain)])
+    (one,) = costs.side_costs([costs_of("a", gain)])
     assert (one.label, [cost.text for cost in one.most]) == ("a", ["5", "4", "3", "2"])
     assert one.over == "Each mended alone: AP over all 4 images, of 12 errors"
     less = {key: value - 0.001 for key, value in gain.items()}
-    (edge,) = costs.side_costs([replace_dataclass(mended("a", gain), least=0.14)])
+    (edge,) = costs.side_costs([replace_dataclass(costs_of("a", gain), least=0.14)])
     assert [cost.text for cost in edge.most] == ["5", "4"], "the least gain is one"
-    first, second = costs.side_costs([mended("a", gain, failed=3), mended("b", less)])
+    first, second = costs.side_costs([costs_of("a", gain, failed=3), costs_of("b", less)])
     assert [cost.text for cost in first.most[1:]] == ["5", "4", "3"]
     assert second.most == (), "it is behind on none"
     lost = first.most[0]
     assert (lost.kind, lost.n, lost.images, lost.gain) == ("failed", 3, 3, 0.25)
     end = "AP 0.250, over the"
     assert lost.text == f"3 of 4 images without scene: {end} 1 with one 0.500"
-    ((lost, *_),) = (c.most for c in costs.side_costs([mended("a", gain, failed=2, scene=False)]))
+    ((lost, *_),) = (c.most for c in costs.side_costs([costs_of("a", gain, failed=2, scene=False)]))
     assert lost.text == f"2 of 4 images without answer: {end} 2 with one 0.500"
-    three = costs.side_costs([mended(name, gain) for name in "abc"])
+    three = costs.side_costs([costs_of(name, gain) for name in "abc"])
     assert {len(side.most) for side in three} == {3}
     assert {cost.others for side in three for cost in side.most} == {None}
 
 
 def test_an_error_of_classification_is_its_truth_s_and_any_other_its_own():
     kinds = ("classification", "localisation", "background", None)
-    image, side = photo([truth(0, 0, 1, 1, category=7)], [shown(0, 0, 1, 1, category=2)] * 4)
+    image, side = photo([truth(0, 0, 1, 1, category=7)], [shape(0, 0, 1, 1, category=2)] * 4)
     side.errors = SimpleNamespace(kind=kinds, about=(0, 0, None, 0), iou=(0.6, 0.3, None, 0.9))
     assert prediction_errors(image, side) == [
         (("classification", 7), 0, 0.6), (("localisation", 2), 0, 0.3),
@@ -403,12 +403,12 @@ def test_a_picture_is_at_most_800_pixels_long(size_wh, shown_wh, tmp_path):
     picture[:, :, 2] = 255  # red, as OpenCV orders
     cv2.imwrite(str(path), picture)
     found = photos.page_picture(path, "it", size_wh)
-    assert (found.said, found.webp is None) == ("", False)
+    assert (found.note, found.webp is None) == ("", False)
     seen = cv2.imdecode(np.frombuffer(found.webp or b"", np.uint8), cv2.IMREAD_COLOR)
     assert seen.shape[:2] == shown_wh[::-1]
     assert seen[0, 0, 2] > 200 > 60 > seen[0, 0, 0]
     other = photos.page_picture(path, "it", (size_wh[0], size_wh[1] + 1))
-    assert (other.webp, other.said.endswith(": not shown")) == (None, True)
+    assert (other.webp, other.note.endswith(": not shown")) == (None, True)
 
 
 def test_the_scene_of_a_submission_is_shown_where_folders_are_named(tmp_path, monkeypatch):

@@ -16,24 +16,24 @@ from legoworld.report.advice import failure_advice, sorted_advice
 from legoworld.report.reconstruction_advice import bench_advice, bench_facts, check_lines
 
 
-def thing(name: str, f1: float, *, eligible: bool = True, n: int = 5, farther: Any = None) -> Any:
+def item(name: str, f1: float, *, eligible: bool = True, n: int = 5, farther: Any = None) -> Any:
     at = {} if farther is None else {"F10": SimpleNamespace(f1=farther)}
     return SimpleNamespace(name=name, f1=f1, eligible=eligible, n_submitted=n, at=at,
                            precision=0.25, recall=0.756)  # fmt: skip
 
 
-def said(found: tuple[Advice, ...] | list[Advice]) -> list[tuple[str, str, str]]:
+def texts(found: tuple[Advice, ...] | list[Advice]) -> list[tuple[str, str, str]]:
     return [(one.level, one.what, one.do) for one in found]
 
 
 def test_objects_are_told_below_nine_tenths_the_worst_first():
     row: Any = SimpleNamespace(objects=[
-        thing("a", 0.9), thing("b", math.nextafter(0.9, 0)), thing("c", 0.5), thing("d", 0.51),
-        thing("e", 0.0, n=0), thing("f", 0.1, eligible=False), thing("g", 0.5),
+        item("a", 0.9), item("b", math.nextafter(0.9, 0)), item("c", 0.5), item("d", 0.51),
+        item("e", 0.0, n=0), item("f", 0.1, eligible=False), item("g", 0.5),
     ])  # fmt: skip
     shares = "(precision 0.25, recall 0.76)"
     found = reconstruction_advice._objects(row)
-    assert said(found) == [
+    assert texts(found) == [
         ("bad", "e: nothing stands where it is seen", "build it, or move it there"),
         ("bad", f"c: F 0.50 {shares}", ""), ("bad", f"g: F 0.50 {shares}", ""),
         ("warn", f"d: F 0.51 {shares}", ""), ("warn", f"b: F 0.90 {shares}", ""),
@@ -44,7 +44,7 @@ def test_objects_are_told_below_nine_tenths_the_worst_first():
 @pytest.mark.parametrize(("farther", "near"), [(0.5, False), (0.51, True), (None, False)])
 def test_an_object_that_is_near_is_told_to_be_moved_by_a_little(farther, near):
     (one,) = reconstruction_advice._objects(
-        SimpleNamespace(objects=[thing("a", 0.25, farther=farther)])  # type: ignore[arg-type]
+        SimpleNamespace(objects=[item("a", 0.25, farther=farther)])  # type: ignore[arg-type]
     )
     assert one.do == ("near: F 0.51 at 10 % of its depth; move it by a little" if near else "")
 
@@ -62,7 +62,7 @@ def test_a_field_of_view_is_off_beyond_half_a_degree(fov, text):
     assert all(one.level == "warn" and "hfov_deg" in one.do for one in found)
 
 
-def tried(r: float | None, posed: float | None, rigid: float | None, scaled: float | None) -> Any:
+def case(r: float | None, posed: float | None, rigid: float | None, scaled: float | None) -> Any:
     camera = SimpleNamespace(
         world_rotation_deg=12.34, world_translation_m=0.567,
         registration=SimpleNamespace(rotation_deg=5.67, translation_m=0.891),
@@ -70,7 +70,7 @@ def tried(r: float | None, posed: float | None, rigid: float | None, scaled: flo
     row: Any = SimpleNamespace(
         R=r, camera=camera, diagnostics=SimpleNamespace(R_rigid=rigid, R_median_scale=scaled)
     )
-    return reconstruction_advice._tried(row, posed)
+    return reconstruction_advice._alignment_advice(row, posed)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def tried(r: float | None, posed: float | None, rigid: float | None, scaled: flo
     ],
 )  # fmt: skip
 def test_the_best_of_what_was_tried_is_told_from_a_hundredth_on(given, words):
-    found = tried(*given)
+    found = case(*given)
     assert [one.what for one in found] == ([words] if words else [])
     assert all(one.level == "warn" and one.do for one in found)
 
@@ -110,20 +110,22 @@ def test_checks_are_in_v_s_order_and_each_that_fails_is_bad():
     run_row: Any = SimpleNamespace(status="ok", warnings=("early", "own"))
     bad = ("bad", f"not valid, {names[1].replace('_', '.')}: f; expected e", "n")
     warned = [("warn", text, "") for text in ("early", "late", "own")]
-    assert said(bench_advice(row, run_row)) == [bad, *warned]
+    assert texts(bench_advice(row, run_row)) == [bad, *warned]
     row.status, row.reason = "missing", "nothing came"
     not_scored = ("bad", "not scored (missing): nothing came", "")
-    assert said(bench_advice(row, run_row)) == [not_scored, bad, *warned]
+    assert texts(bench_advice(row, run_row)) == [not_scored, bad, *warned]
     run_row.status, run_row.reason = "failed", "it broke; next: mend it"
     failure = ("bad", "no output (failed): it broke", "mend it")
-    assert said(bench_advice(row, run_row)) == [failure, bad, *warned]
+    assert texts(bench_advice(row, run_row)) == [failure, bad, *warned]
     row.validity = None
     assert check_lines(row) == ()
 
 
 def test_a_failure_without_a_reason_says_so():
     row: Any = SimpleNamespace(status="failed", reason=None)
-    assert said(failure_advice(row)) == [("bad", "no output (failed): the run gives no reason", "")]
+    assert texts(failure_advice(row)) == [
+        ("bad", "no output (failed): the run gives no reason", "")
+    ]
 
 
 def test_the_facts_of_a_case_are_its_scores_its_cameras_and_its_files():
@@ -178,7 +180,7 @@ def test_labels_outside_the_vocabulary_cost_where_a_name_is_alike():
         unmatched=[unmatched("Chairs", "chair", "bench"), unmatched("gizmo", "clock"),
                    unmatched("x")]
     )  # fmt: skip
-    assert said(advice._unknown_labels(row)) == [
+    assert texts(advice._unknown_labels(row)) == [
         ("bad", "the label 'Chairs' (2 x) is not in the vocabulary",
          "nearest names: chair, bench"),
         ("warn", "the label 'gizmo' (2 x) is not in the vocabulary", "nearest names: clock"),
@@ -192,7 +194,7 @@ def test_what_is_labelled_and_not_seen_and_what_is_nested():
     row: Any = SimpleNamespace(
         unexported=unexported, nested=SimpleNamespace(instances=1, px=7)
     )  # fmt: skip
-    assert said(advice._labels(row)) == [
+    assert texts(advice._labels(row)) == [
         ("warn", "cup (cup) is labelled but has no pixel: hidden",
          "other surfaces cover it: move what stands in front"),
         ("warn", "cup (cup) is labelled but has no pixel: ?", ""),
@@ -204,7 +206,7 @@ def test_what_is_labelled_and_not_seen_and_what_is_nested():
 
 def test_predictions_that_do_not_count_are_told_by_their_number():
     side: Any = SimpleNamespace(row=SimpleNamespace(n_unverified=1, n_lost_to_cap=2))
-    assert said(advice._advise_uncounted(side)) == [
+    assert texts(advice._advise_uncounted(side)) == [
         ("note", "1 prediction is of categories that are not annotated in this image: LVIS does "
          "not count them", ""),
         ("warn", "2 predictions are beyond the evaluator's cap", "export fewer objects"),

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from evaluation.depth.folders import evaluate_depth, write_arrays
 from report.chromium import Browser, browser
-from report.pages import embedded
+from report.pages import embedded_json
 
 from legoworld import cli
 from legoworld.records.base import to_record
@@ -175,7 +175,7 @@ def test_the_scene_in_3d_covers_what_was_read_out(
     page = tmp_path / "report.html"
     words = ["report", str(evaluation), "--scenes", str(EXAMPLES), "-o", str(page), "-q"]
     assert cli.run(words) == 0
-    views = {v["file_name"]: v for v in embedded(page, "view-")}
+    views = {v["file_name"]: v for v in embedded_json(page, "view-")}
     view = views["chelsea.png"]
     chrome.said.clear()
     chrome.open(page, f"#/coco/{view['id']}?panes=scene0")

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from evaluation.detection_runs import random_predictions, random_truth
-from report.pages import document_of, evaluated
+from report.pages import document_of, evaluate
 
 from legoworld.api.comparison import compare
 from legoworld.comparison import ranks
@@ -31,7 +31,7 @@ def sides(tmp_path_factory):
         more = {} if k == 0 else {"kind": "baseline", "baseline": name}
         failed = {10: "failed"} if k == 0 else None
         made.append(
-            evaluated(folder, "coco", truth=truth, predictions=predictions, statuses=failed, **more)
+            evaluate(folder, "coco", truth=truth, predictions=predictions, statuses=failed, **more)
         )
     return made
 
@@ -42,12 +42,12 @@ def section(sides):
     return made
 
 
-def found(tables, title):
+def table_titled(tables, title):
     return next(one for one in tables if one.title == title)
 
 
 def test_differences_are_those_of_compare(sides, section, tmp_path):
-    shown = found(section.overview, "Systems")
+    shown = table_titled(section.overview, "Systems")
     names = [row[1] for row in shown.rows]
     for i, first in enumerate(names):
         others = [k for k in range(3) if k != i]
@@ -65,7 +65,7 @@ def test_differences_are_those_of_compare(sides, section, tmp_path):
 
 
 def test_every_photo_by_system(section):
-    shown = found(section.numbers, "Every photo by system")
+    shown = table_titled(section.numbers, "Every photo by system")
     assert [column.name for column in shown.columns] == ["photo", *NAMES]
     by_name = {row.file_name: row for row in section.images}
     assert len(shown.rows) == len(by_name) == 8

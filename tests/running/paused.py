@@ -20,7 +20,7 @@ from waiting import until
 _TESTS = Path(__file__).parents[1]
 
 
-def started(
+def start_paused(
     arguments: Sequence[str], moment: str, count: int = 1, *, path: object = ""
 ) -> subprocess.Popen[str]:
     """legoworld with these arguments, once it has stopped itself.
@@ -41,7 +41,7 @@ def started(
     return process
 
 
-def resumed(process: subprocess.Popen[str]) -> None:
+def resume(process: subprocess.Popen[str]) -> None:
     """Let a stopped command go on."""
     os.kill(process.pid, signal.SIGCONT)
 

@@ -56,11 +56,11 @@ def in_lines(images: Sequence[Sequence[Prediction]]) -> list[list[str]]:
     return [[canonical(prediction) for prediction in image] for image in images]
 
 
-def stored(files: list[Path]) -> list[Prediction]:
+def read_stored(files: list[Path]) -> list[Prediction]:
     return [*chain.from_iterable(stored_batches(files, Prediction))]
 
 
-def written(folder: Path, images_per_file: int | None) -> list[Path]:
+def write_files(folder: Path, images_per_file: int | None) -> list[Path]:
     write_predictions(folder, images_per_file, in_lines(IMAGES), len(IMAGES))
     return prediction_files(folder, images_per_file, len(IMAGES))
 
@@ -77,13 +77,13 @@ def any_batch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.usefixtures("any_batch")
 @pytest.mark.parametrize("images_per_file", [None, 1, 2, 3, 5, 6, 100])
 def test_what_is_written_is_read(images_per_file, tmp_path):
-    files = written(tmp_path, images_per_file)
-    assert stored(files) == ENTRIES
+    files = write_files(tmp_path, images_per_file)
+    assert read_stored(files) == ENTRIES
     assert list(read_image_predictions(IDS, files)) == IMAGES
     if images_per_file is not None:
         assert len(files) == -(-len(IMAGES) // images_per_file)
         lines = "".join(path.read_text() for path in files)
-        written(tmp_path / "whole", None)
+        write_files(tmp_path / "whole", None)
         assert in_a_list(lines) == (tmp_path / "whole" / "predictions.json").read_text()
         for k, path in enumerate(files):
             mine = IMAGES[k * images_per_file : (k + 1) * images_per_file]
@@ -96,13 +96,13 @@ def test_no_prediction_at_all(images_per_file, tmp_path):
     write_predictions(tmp_path, images_per_file, [[], [], []], 3)
     files = prediction_files(tmp_path, images_per_file, 3)
     assert [f.read_text() for f in files] == (["[]\n"] if images_per_file is None else ["", ""])
-    assert not stored(files)
+    assert not read_stored(files)
 
 
 @pytest.mark.parametrize(("before", "after"), [(1, 4), (4, 1), (2, None), (None, 2)])
 def test_files_of_another_division_go(before, after, tmp_path):
-    written(tmp_path, before)
-    files = written(tmp_path, after)
+    write_files(tmp_path, before)
+    files = write_files(tmp_path, after)
     assert sorted(p for p in tmp_path.rglob("*") if p.is_file()) == files
     assert (tmp_path / "predictions").exists() == (after is not None)
     delete_predictions(tmp_path)
@@ -110,7 +110,7 @@ def test_files_of_another_division_go(before, after, tmp_path):
 
 
 def test_fewer_images_leave_no_file_of_the_others(tmp_path):
-    written(tmp_path, 2)
+    write_files(tmp_path, 2)
     write_predictions(tmp_path, 2, in_lines(IMAGES[:3]), 3)
     assert sorted(p.name for p in (tmp_path / "predictions").iterdir()) == [
         "00000.jsonl", "00001.jsonl",
@@ -122,7 +122,7 @@ def test_fewer_images_leave_no_file_of_the_others(tmp_path):
 def test_a_list_that_others_wrote(layout, tmp_path):
     path = tmp_path / "predictions.json"
     path.write_text(json.dumps(DOCUMENTS * 5, **layout))
-    assert stored([path]) == ENTRIES * 5
+    assert read_stored([path]) == ENTRIES * 5
 
 
 @pytest.mark.usefixtures("any_batch")
@@ -131,17 +131,17 @@ def test_a_cut_inside_of_an_entry_is_none(tmp_path):
     inside = '"x": [\n{"a": 1},\n{"a": 2},\n{"a": 3}\n]'
     entries = [f'{{"image_id": {i}, "category_id": 1, "score": 1, {inside}}}' for i in range(3)]
     path.write_text("[\n" + ",\n".join(entries) + "\n]\n")
-    assert [p.image_id for p in stored([path])] == [0, 1, 2]
+    assert [p.image_id for p in read_stored([path])] == [0, 1, 2]
 
 
 @pytest.mark.usefixtures("any_batch")
 def test_a_list_cut_off_anywhere_is_refused_as_json_refuses_it(tmp_path):
-    (whole,) = written(tmp_path, None)
+    (whole,) = write_files(tmp_path, None)
     text = whole.read_bytes()
     for length in range(len(text.rstrip())):
         whole.write_bytes(text[:length])
         with pytest.raises(PredictionsUnreadableError) as refused:
-            stored([whole])
+            read_stored([whole])
         with pytest.raises(ValueError, match=r".") as expected:
             json.loads(text[:length].decode())
         reason = str(expected.value)
@@ -164,7 +164,7 @@ def test_what_is_no_list_is_refused(text, tmp_path):
     path = tmp_path / "predictions.json"
     path.write_text(text)
     with pytest.raises(PredictionsUnreadableError, match=r"predictions\.json cannot be read"):
-        stored([path])
+        read_stored([path])
 
 
 @pytest.mark.usefixtures("any_batch")
@@ -178,7 +178,7 @@ def test_what_is_no_prediction_a_line_is_refused(text, tmp_path):
     with pytest.raises(
         PredictionsUnreadableError, match=r"predictions/00000\.jsonl cannot be read"
     ):
-        stored([path])
+        read_stored([path])
 
 
 def test_images_out_of_order_lose_predictions_and_never_get_others(tmp_path):

@@ -137,7 +137,7 @@ def test_a_killed_run_goes_on_and_ends_in_the_same_bytes(scenes, track, run, tmp
         "readout", str(scenes), "--task", "coco", "-q",
         "--track", str(track), "-o", str(output), "--workers", "1", "--no-cache",
     ]  # fmt: skip
-    process = paused.started(arguments, "row", 3)
+    process = paused.start_paused(arguments, "row", 3)
     process.kill()
     process.communicate()
     journal = output / "journal.jsonl"
@@ -260,9 +260,9 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_blender_behind(scenes, track, t
         "readout", str(scenes), "--task", "coco", "-q",
         "--track", str(track), "-o", str(output), "--workers", "2", "--no-cache",
     ]  # fmt: skip
-    process = paused.started(arguments, "row", 2)
+    process = paused.start_paused(arguments, "row", 2)
     process.send_signal(signal.SIGINT)
-    paused.resumed(process)
+    paused.resume(process)
     _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "finished images are kept; run the same command again to resume" in error

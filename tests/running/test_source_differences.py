@@ -25,7 +25,7 @@ from legoworld.scene.snapshot import SceneCollection
 SQUARES = (("Chair", 4, 4, 8, "chair"), ("Apple", -20, 4, 4, "apple"), ("Rock", -20, -20, 6, None))
 
 
-def opened(folder, squares=SQUARES, **options):
+def load(folder, squares=SQUARES, **options):
     made = Document()
     for name, x, y, side, category in squares:
         made.quad(name, x, y, side, extras={"category": category} if category else {})
@@ -44,7 +44,7 @@ def looked_at(scene, size_wh=(64, 64)):
     return look(label(scene, VOCABULARY, None), size_wh=size_wh, threads=1)
 
 
-def changed(scene: OpenScene, **parts) -> OpenScene:
+def change_snapshot(scene: OpenScene, **parts) -> OpenScene:
     """Other values in the parts of its snapshot."""
     snapshot = scene.scene.snapshot
     made = {
@@ -54,13 +54,13 @@ def changed(scene: OpenScene, **parts) -> OpenScene:
     return replace(scene, scene=replace(scene.scene, snapshot=replace(snapshot, **made)))
 
 
-def compared(blend, glb):
+def diff(blend, glb):
     return compare_sources(looked_at(blend), looked_at(glb))
 
 
 def test_the_same_scene_twice(tmp_path):
     hidden = (*SQUARES, ("Far", 500, 500, 4, "tree"))
-    found = compared(*(opened(tmp_path / name, hidden) for name in "ab"))
+    found = diff(*(load(tmp_path / name, hidden) for name in "ab"))
     assert [(p.name, p.blend_category, p.glb_category, p.iou) for p in found.pairs] == [
         ("Apple", "apple", "apple", 1.0), ("Chair", "chair", "chair", 1.0),
         ("Rock", None, None, 1.0),
@@ -73,7 +73,7 @@ def test_the_same_scene_twice(tmp_path):
 
 def test_an_instance_that_moved_and_one_of_each_side(tmp_path):
     moved = (("Chair", 6, 4, 8, "chair"), SQUARES[1], ("Tree", -20, -20, 6, "tree"))
-    found = compared(opened(tmp_path / "a"), opened(tmp_path / "b", moved))
+    found = diff(load(tmp_path / "a"), load(tmp_path / "b", moved))
     # The one that differs first, then by name.
     assert [(p.name, p.iou) for p in found.pairs] == [("Chair", 48 / 80), ("Apple", 1.0)]
     assert [e.name for e in found.lost] == ["Rock"]
@@ -84,7 +84,7 @@ def test_an_instance_that_moved_and_one_of_each_side(tmp_path):
 def test_a_pair_at_the_limit_agrees(tmp_path):
     """A column of 1,000 of which one pixel is gone: an IoU of exactly .999."""
     wide = (("Wall", -20, 5, 10, None), ("Aisle", 0, 0, 4, None))
-    blend, glb = (opened(tmp_path / name, wide) for name in "ab")
+    blend, glb = (load(tmp_path / name, wide) for name in "ab")
     ours, theirs = looked_at(blend), looked_at(glb)
     rows = {row.name: row for row in ours.entries}
     overlap = {rows["Wall"].id: 999, rows["Aisle"].id: 16}
@@ -105,11 +105,11 @@ def test_a_pair_at_the_limit_agrees(tmp_path):
 
 def test_another_category_alone_is_not_faithful(tmp_path):
     other = (SQUARES[0], ("Apple", -20, 4, 4, "tree"), SQUARES[2])
-    found = compared(opened(tmp_path / "a"), opened(tmp_path / "b", other))
+    found = diff(load(tmp_path / "a"), load(tmp_path / "b", other))
     assert (found.differing_px, found.n_disagreeing, found.lost) == (0, 0, ())
     assert not found.faithful
     hidden = (*SQUARES, ("Far", 500, 500, 4, "tree"))
-    found = compared(opened(tmp_path / "a"), opened(tmp_path / "c", hidden))
+    found = diff(load(tmp_path / "a"), load(tmp_path / "c", hidden))
     assert [e.name for e in found.gained] == ["Far"]
     assert found.faithful  # no pixel shows it
 
@@ -118,12 +118,12 @@ def test_instances_of_one_name_are_matched_by_the_largest_overlap(tmp_path):
     blend = (("Leaf", 0, 0, 8, None), ("Leaf", 20, 0, 8, None), ("Leaf", -20, 0, 4, None))
     # Of the first two's places, shifted; and one where none was.
     glb = (("Leaf", 21, 0, 8, None), ("Leaf", 3, 0, 8, None), ("Leaf", 0, 20, 2, None))
-    found = compared(opened(tmp_path / "a", blend), opened(tmp_path / "b", glb))
+    found = diff(load(tmp_path / "a", blend), load(tmp_path / "b", glb))
     assert sorted((p.blend_area_px, p.glb_area_px, p.iou) for p in found.pairs) == [
         (16, 4, 0.0), (64, 64, 40 / 88), (64, 64, 56 / 72),
     ]  # fmt: skip
     assert (found.lost, found.gained) == ((), ())
-    fewer = compared(opened(tmp_path / "a", blend), opened(tmp_path / "c", glb[:1]))
+    fewer = diff(load(tmp_path / "a", blend), load(tmp_path / "c", glb[:1]))
     assert [p.iou for p in fewer.pairs] == [56 / 72]
     assert [e.area_px for e in fewer.lost] == [64, 16]
 
@@ -141,7 +141,7 @@ def test_instances_of_one_name_are_matched_by_the_largest_overlap(tmp_path):
     ],
 )  # fmt: skip
 def test_what_a_gltf_cannot_store_is_said(ours, said, tmp_path):
-    found = compared(changed(opened(tmp_path / "a"), **ours), opened(tmp_path / "b"))
+    found = diff(change_snapshot(load(tmp_path / "a"), **ours), load(tmp_path / "b"))
     assert said in found.differences
     others = [d for d in found.differences if d != said]
     assert all(d.startswith(("the projection's", "depth is")) for d in others)
@@ -149,15 +149,15 @@ def test_what_a_gltf_cannot_store_is_said(ours, said, tmp_path):
 
 def test_counts_and_projections_that_differ_are_said(tmp_path):
     more = (*SQUARES, ("Tree", -4, -20, 6, "tree"))
-    found = compared(opened(tmp_path / "a"), opened(tmp_path / "b", more))
+    found = diff(load(tmp_path / "a"), load(tmp_path / "b", more))
     assert found.differences == ("6 triangles became 8",)
-    wide = changed(opened(tmp_path / "a"), camera={"ortho_scale": 128.0})
-    assert compared(wide, opened(tmp_path / "b", SQUARES)).differences == (
+    wide = change_snapshot(load(tmp_path / "a"), camera={"ortho_scale": 128.0})
+    assert diff(wide, load(tmp_path / "b", SQUARES)).differences == (
         "the projection's fx is 1.000 px, not 0.500",
         "the projection's fy is 1.000 px, not 0.500",
     )
-    shifted = changed(opened(tmp_path / "a"), camera={"shift_x": 0.5, "shift_y": 0.25})
-    assert compared(opened(tmp_path / "b"), shifted).differences == (
+    shifted = change_snapshot(load(tmp_path / "a"), camera={"shift_x": 0.5, "shift_y": 0.25})
+    assert diff(load(tmp_path / "b"), shifted).differences == (
         "the projection's cx is 0.000 px, not 32.000",
         "the projection's cy is 48.000 px, not 32.000",
     )
@@ -168,39 +168,39 @@ def test_labels_of_collections_that_no_node_carries_are_said(tmp_path):
         return SceneCollection(name=name, library=None, parents=(), properties=labels)
 
     held = tuple(collection(name, category="tree") for name in ("Chair", "Grove", "Rock", "Hedge"))
-    ours = changed(opened(tmp_path / "a"), collections=(*held, collection("Plain")))
+    ours = change_snapshot(load(tmp_path / "a"), collections=(*held, collection("Plain")))
     # Chair comes as a labelled node, Rock as one without a label.
-    assert compared(ours, opened(tmp_path / "b")).differences == (
+    assert diff(ours, load(tmp_path / "b")).differences == (
         "labels of collections are lost: Grove, Rock, Hedge",
     )
     many = tuple(collection(f"C{i}", category="tree") for i in range(12))
-    (said,) = compared(changed(ours, collections=many), opened(tmp_path / "b")).differences
+    (said,) = diff(change_snapshot(ours, collections=many), load(tmp_path / "b")).differences
     assert said.endswith("C8, C9")
 
 
 def test_another_pose_and_another_depth_are_said(tmp_path):
-    here = opened(tmp_path / "a")
+    here = load(tmp_path / "a")
     pose = here.scene.snapshot.camera.world_from_camera
 
     def moved_by(distance):
         rows = tuple((*row[:3], row[3] - distance * row[2]) for row in pose)
-        return changed(here, camera={"world_from_camera": rows})
+        return change_snapshot(here, camera={"world_from_camera": rows})
 
-    found = compared(moved_by(10.0), opened(tmp_path / "b"))
+    found = diff(moved_by(10.0), load(tmp_path / "b"))
     assert found.differences == (
         "the camera stands 10 units away, its axes differ by up to 0",
         "depth is 0.5 times scene.blend's (median)",
     )
-    assert compared(moved_by(1e-5), here).differences == ()
+    assert diff(moved_by(1e-5), here).differences == ()
     turned = tuple((-row[0], -row[1], *row[2:]) for row in pose)
-    about = changed(here, camera={"world_from_camera": turned})
+    about = change_snapshot(here, camera={"world_from_camera": turned})
     assert "the camera stands 0 units away, its axes differ by up to 2" in (
-        compared(about, here).differences
+        diff(about, here).differences
     )
 
 
 def test_what_an_inspection_writes(tmp_path):
-    made = opened(tmp_path / "scene", (*SQUARES, ("Odd", 40, 40, 2, "chairs")))
+    made = load(tmp_path / "scene", (*SQUARES, ("Odd", 40, 40, 2, "chairs")))
     scene = look(label(made, VOCABULARY, None), size_wh=None, threads=1)
     assert scene.outside_vocabulary == {"chairs": 1}
     assert scene.nearest["chairs"][0] == "chair"
@@ -225,13 +225,13 @@ def test_what_an_inspection_writes(tmp_path):
 
 
 def test_a_scene_that_changed_since_it_was_frozen(tmp_path):
-    opened(tmp_path / "scene")
+    load(tmp_path / "scene")
     scene = SceneFolder(path=tmp_path / "scene", name="scene")
     write_frozen(scene, checked_artefacts(scene, require_frozen=False).artefacts, {}, {})
     assert opened_again(scene.path, require_frozen=True).warnings == ()
     (scene.path / "scene.glb").unlink()
     with pytest.raises(SceneChangedError, match="pass --allow-changed to inspect it as it is"):
-        opened(scene.path, SQUARES[:1])
+        load(scene.path, SQUARES[:1])
     now = opened_again(scene.path, allow_changed=True)
     assert now.warnings == (
         "scene.glb is not the file that was frozen: readout refuses the scene until it is frozen "

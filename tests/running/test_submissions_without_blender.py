@@ -67,7 +67,7 @@ def folder(tmp_path):
     return SceneFolder(path=path, name="room")
 
 
-def submitted(folder, blender, *, render=False, noise=False, facts=True):
+def submit(folder, blender, *, render=False, noise=False, facts=True):
     rules = bench_rules(CARD, render=render, noise=noise, facts=facts)
     run = folder.path.parents[1] / "run"
     for name in ("surface", "render"):
@@ -82,14 +82,14 @@ def submitted(folder, blender, *, render=False, noise=False, facts=True):
     return record, run
 
 
-def held(run: Path, entry) -> bool:
+def matches_entry(run: Path, entry) -> bool:
     data = (run / entry.file).read_bytes()
     return (entry.sha256, entry.bytes) == (hashlib.sha256(data).hexdigest(), len(data))
 
 
 def test_a_whole_submission(folder):
     (folder.path / "provenance.json").write_text('{"agent": "a"}')
-    record, run = submitted(folder, StandIn(pictures=(png(1, 2),)), render=True)
+    record, run = submit(folder, StandIn(pictures=(png(1, 2),)), render=True)
     row = record.row
     assert (row.status, row.code, row.image_id, row.size_wh) == ("ok", "ok", 7, (64, 32))
     assert (row.valid, row.warnings, row.frozen) == (True, (), "at_readout")
@@ -97,8 +97,8 @@ def test_a_whole_submission(folder):
         scene_blend=OK, geometry=OK, camera=OK, scene_glb=OK, final_png=OK
     )
     assert row.camera.type == "PERSP"
-    assert held(run, row.surface)
-    assert held(run, row.render)
+    assert matches_entry(run, row.surface)
+    assert matches_entry(run, row.render)
     assert row.surface.file == "surface/room.npz"
     assert row.surface.finite_px > 0
     with np.load(run / row.surface.file) as arrays:
@@ -117,12 +117,12 @@ def test_a_whole_submission(folder):
 
 def test_what_is_not_asked_for_is_not_made(folder):
     blender = StandIn()
-    row = submitted(folder, blender, facts=False)[0].row
+    row = submit(folder, blender, facts=False)[0].row
     assert [m["kind"] for m in blender.asked] == ["snapshot"]
     assert row.status == "ok"
     assert {row.render, row.integrity, row.joints} == {msgspec.UNSET}
     blender = StandIn(pictures=(png(1, 2),))
-    submitted(folder, blender, render=True)
+    submit(folder, blender, render=True)
     assert [m["kind"] for m in blender.asked] == ["snapshot", "facts", "card_render"]
     asked = blender.asked[-1]["card"]
     assert (asked["denoise"], asked["threads"], asked["seed"]) == (False, 1, 0)
@@ -131,7 +131,7 @@ def test_what_is_not_asked_for_is_not_made(folder):
 
 def test_a_flat_mesh_before_the_camera_is_a_plane(folder):
     facts = {**FACTS, "images_of": {"Chair": ["photo.png"]}}
-    row = submitted(folder, StandIn(facts=facts))[0].row
+    row = submit(folder, StandIn(facts=facts))[0].row
     (plane,) = row.integrity.planes
     assert (plane.object, plane.images) == ("Chair", ("photo.png",))
     assert plane.tilt_deg == pytest.approx(0.0, abs=1e-4)
@@ -149,7 +149,7 @@ def test_an_image_that_was_not_delivered_is_told_of(folder):
         {"name": "Read", "size_wh": [4, 0]},
     ]
     facts = {**FACTS, "images": [image, *({**image, **other} for other in others)]}
-    row = submitted(folder, StandIn(facts=facts))[0].row
+    row = submit(folder, StandIn(facts=facts))[0].row
     assert row.warnings == (
         "image 'Wood' cannot be read and renders magenta: //wood.png; pack it into scene.blend",
         "image 'Far' cannot be read and renders magenta: /far/oak.png, an absolute path; pack it "
@@ -162,7 +162,7 @@ def test_the_noise_of_a_render_is_that_of_two_seeds(folder):
     delta = CARD.value("scoring.delta")
     pictures = (png(10, 10, 10, 10), png(10, 10 + delta, 11 + delta, 10))
     blender = StandIn(pictures=pictures)
-    row = submitted(folder, blender, render=True, noise=True)[0].row
+    row = submit(folder, blender, render=True, noise=True)[0].row
     assert [m["card"]["seed"] for m in blender.asked if "card" in m] == [0, 1]
     noise = row.render.noise
     assert noise.seeds == (0, 1)
@@ -181,8 +181,8 @@ def test_the_longer_side_of_a_render_is_the_cards(longest, size_wh, expected):
 
 
 def test_a_process_that_is_lost_is_asked_once_more(folder):
-    assert submitted(folder, StandIn(lost=1))[0].row.status == "ok"
-    row = submitted(folder, StandIn(lost=2))[0].row
+    assert submit(folder, StandIn(lost=1))[0].row.status == "ok"
+    row = submit(folder, StandIn(lost=2))[0].row
     assert (row.status, row.valid) == (WorkerCrashedError("").status, False)
     assert row.validity.scene_blend.ok is False
     assert row.validity.scene_glb.ok is True
@@ -192,7 +192,7 @@ def test_a_scene_without_a_camera_fails_that_check_alone(folder):
     made = Document(camera=False)
     made.quad("Chair", 0, 0)
     (folder.path / "scene.blend").write_bytes(made.glb())
-    row = submitted(folder, StandIn())[0].row
+    row = submit(folder, StandIn())[0].row
     assert (row.status, row.code, row.valid) == ("invalid", "no_camera", False)
     assert [name for name in Validity.__struct_fields__ if not getattr(row.validity, name).ok] == [
         "camera"
@@ -230,7 +230,7 @@ def test_artefacts_that_are_missing_or_show_nothing_are_warned_of(folder):
     checks = artefact_checks(folder)
     assert checks["scene_glb"].next_step == "deliver scene.glb beside scene.blend"
     assert checks["scene_glb"].found == "the scene folder holds no scene.glb: no such file"
-    row = submitted(folder, StandIn())[0].row
+    row = submit(folder, StandIn())[0].row
     assert (row.status, row.valid) == ("ok", False)
     assert row.warnings == (
         f"not valid: scene.glb: {checks['scene_glb'].found}",
@@ -240,7 +240,7 @@ def test_artefacts_that_are_missing_or_show_nothing_are_warned_of(folder):
 
 def test_a_glb_of_another_scene_is_warned_of(folder):
     (folder.path / "scene.glb").write_bytes(document("Table").glb())
-    row = submitted(folder, StandIn())[0].row
+    row = submit(folder, StandIn())[0].row
     assert (row.valid, len(row.warnings)) == (True, 1)
     assert row.warnings[0].startswith("scene.glb has none of the 2 object names of scene.blend on")
     assert "its 1 meshes" in row.warnings[0]
@@ -250,7 +250,7 @@ def test_a_camera_that_sees_nothing_and_one_without_perspective_are_warned_of(fo
     made = Document()
     made.quad("Chair", 500, 500)
     (folder.path / "scene.blend").write_bytes(made.glb())
-    row = submitted(folder, StandIn())[0].row
+    row = submit(folder, StandIn())[0].row
     assert row.warnings == (
         "the camera is orthographic: R takes its pose and not its projection",
         "the camera sees nothing: every pixel is without geometry",
@@ -260,7 +260,7 @@ def test_a_camera_that_sees_nothing_and_one_without_perspective_are_warned_of(fo
 
 def test_a_side_file_that_cannot_be_used_keeps_what_was_made(folder):
     (folder.path / "provenance.json").write_text("[]")
-    record, _ = submitted(folder, StandIn(), facts=False)
+    record, _ = submit(folder, StandIn(), facts=False)
     assert (record.row.status, record.row.code) == ("invalid", "invalid_side_file")
     assert record.row.valid is True
     assert record.row.surface.finite_px > 0

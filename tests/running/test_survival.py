@@ -50,7 +50,7 @@ def undisturbed(scenes: Path) -> dict[str, dict[str, bytes]]:
     found = {}
     for task in ("coco", "lvis", "eth3d"):
         output = scenes.parent / f"undisturbed {task}"
-        done = finished(readout(scenes, output, task, "--cache", str(scenes.parent / "cache")))
+        done = finish(readout(scenes, output, task, "--cache", str(scenes.parent / "cache")))
         assert done.returncode == 0, done.stderr
         found[task] = tree(output)
     return found
@@ -72,23 +72,23 @@ def readout(scenes: Path, output: Path, task: str, *more: str) -> list[str]:
     ]  # fmt: skip
 
 
-def finished(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+def finish(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
 
 
-def started(command: Sequence[str]) -> subprocess.Popen[str]:
+def start(command: Sequence[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         start_new_session=True,
     )  # fmt: skip
 
 
-def stopped(
+def stop(
     command: Sequence[str], moment: str, count: int = 1, *, path: object = ""
 ) -> subprocess.Popen[str]:
     """A command of PROGRAM that has stopped itself; see running/paused.py."""
     assert list(command[: len(PROGRAM)]) == PROGRAM
-    return paused.started(command[len(PROGRAM) :], moment, count, path=path)
+    return paused.start_paused(command[len(PROGRAM) :], moment, count, path=path)
 
 
 def is_running(pid: int) -> bool:
@@ -110,10 +110,10 @@ def test_a_worker_killed_mid_scene_is_replaced_and_its_scene_read_again(
     scene, scenes, undisturbed, tmp_path, temporary
 ):
     output = tmp_path / "run"
-    process = stopped(readout(scenes, output, "coco", "--no-cache"), "asked", scene)
+    process = stop(readout(scenes, output, "coco", "--no-cache"), "asked", scene)
     worker, *_ = descendants(process.pid)  # what its imports may have started comes after it
     os.kill(worker, signal.SIGKILL)
-    paused.resumed(process)
+    paused.resume(process)
     _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, error
     assert tree(output) == undisturbed["coco"]
@@ -126,7 +126,7 @@ def test_a_killed_run_goes_on_and_the_next_one_sweeps_what_it_left(
 ):
     output, cache = tmp_path / "run", tmp_path / "cache"
     command = readout(scenes, output, task, "--cache", str(cache))
-    process = stopped(command, "asked", 3)
+    process = stop(command, "asked", 3)
     assert any(cache.glob(".reading-*"))
     workers = descendants(process.pid)
     process.kill()
@@ -135,19 +135,19 @@ def test_a_killed_run_goes_on_and_the_next_one_sweeps_what_it_left(
     assert any(temporary.glob("legoworld-blender-*"))
     assert workers
     until(lambda: not any(map(is_running, workers)), "the end of the command's worker")
-    assert finished(command).returncode == 0
+    assert finish(command).returncode == 0
     assert tree(output) == undisturbed[task]
     assert list(temporary.iterdir()) == []
     assert not any(cache.glob(".reading-*"))
 
 
 def test_a_folder_that_a_living_command_owns_is_not_swept(scenes, tmp_path, temporary):
-    process = stopped(readout(scenes, tmp_path / "long", "coco", "--no-cache"), "row")
+    process = stop(readout(scenes, tmp_path / "long", "coco", "--no-cache"), "row")
     owned = set(temporary.glob("legoworld-blender-*"))
     assert owned
-    other = finished(readout(scenes, tmp_path / "other", "coco", "--no-cache", "--limit", "1"))
+    other = finish(readout(scenes, tmp_path / "other", "coco", "--no-cache", "--limit", "1"))
     assert owned <= set(temporary.glob("legoworld-blender-*"))
-    paused.resumed(process)
+    paused.resume(process)
     process.communicate(timeout=PATIENCE_S)
     assert (other.returncode, process.returncode) == (0, 0)
     assert list(temporary.iterdir()) == []
@@ -159,14 +159,14 @@ def test_a_folder_that_a_living_command_owns_is_not_swept(scenes, tmp_path, temp
 @pytest.fixture
 def mounted(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run a shell script (arguments $1, $2, ...) that may mount; its mounts end with it."""
-    allowed = shutil.which("unshare") and finished(
+    allowed = shutil.which("unshare") and finish(
         ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", str(tmp_path)]
     )
     if not allowed or allowed.returncode:
         pytest.skip("no mount namespaces here: `unshare -rm mount -t tmpfs` is refused")
 
     def run(script: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-        return finished(["unshare", "-rm", "sh", "-c", script, "sh", *map(str, arguments)])
+        return finish(["unshare", "-rm", "sh", "-c", script, "sh", *map(str, arguments)])
 
     return run
 
@@ -222,7 +222,7 @@ def test_a_full_cache_disk_is_no_verdict_on_the_scenes(scenes, undisturbed, tmp_
 def test_a_full_disk_under_an_evaluation(tmp_path, mounted, evaluation):
     disk, copy, whole = tmp_path / "disk", tmp_path / "copy", tmp_path / "whole"
     disk.mkdir()
-    assert finished(evaluation(whole)).returncode == 0
+    assert finish(evaluation(whole)).returncode == 0
     done = mounted(FULL, disk, copy, "40k", *evaluation(disk))
     assert done.returncode == 0, done.stderr
     assert "No space left on device" in said(done)[0]
@@ -238,7 +238,7 @@ def test_a_read_only_folder_is_one_clear_line(what, scenes, tmp_path, mounted, e
     shards = []
     if what == "merge":
         shards = [tmp_path / "shard"]
-        assert finished(readout(scenes, shards[0], "coco", "--shard", "1/1")).returncode == 0
+        assert finish(readout(scenes, shards[0], "coco", "--shard", "1/1")).returncode == 0
     command = {
         "readout": readout(scenes, disk / "new", "coco", "--no-cache"),
         "cache": readout(scenes, tmp_path / "run", "coco", "--cache", str(disk / "new")),
@@ -265,13 +265,13 @@ def test_a_second_run_into_the_folder_is_refused_and_the_first_ends_whole(
 ):
     output = tmp_path / "run"
     command = readout(scenes, output, "coco", "--no-cache")
-    first = stopped(command, "row")
+    first = stop(command, "row")
     for more in ([], ["--overwrite"]):
-        second = finished([*command, *more])
+        second = finish([*command, *more])
         assert second.returncode == 2
         (line,) = second.stderr.splitlines()
         assert "another process is writing into the run folder" in line
-    paused.resumed(first)
+    paused.resume(first)
     first.communicate(timeout=PATIENCE_S)
     assert first.returncode == 0
     assert tree(output) == undisturbed["coco"]
@@ -279,13 +279,13 @@ def test_a_second_run_into_the_folder_is_refused_and_the_first_ends_whole(
 
 def test_two_evaluations_into_one_folder_leave_a_whole_one(tmp_path, evaluation):
     output = tmp_path / "eval"
-    processes = [started(evaluation(output, "--seed", str(seed))) for seed in (1, 2)]
+    processes = [start(evaluation(output, "--seed", str(seed))) for seed in (1, 2)]
     codes = sorted(p.wait(timeout=PATIENCE_S) for p in processes)
     for process in processes:
         process.communicate()
     # Who writes second finds another evaluation there, and is refused.
     assert codes == [0, 2]
-    assert finished([*PROGRAM, "evidence", "verify", str(output)]).returncode == 0
+    assert finish([*PROGRAM, "evidence", "verify", str(output)]).returncode == 0
 
 
 # Ctrl-C.
@@ -309,10 +309,10 @@ FREEZES = "records written so far are kept; run the same command again to freeze
 BEGINS = "nothing was kept; run the same command again to start over"
 
 
-def interrupted(process: subprocess.Popen[str], left: str = BEGINS) -> None:
+def interrupt_command(process: subprocess.Popen[str], left: str = BEGINS) -> None:
     """Ctrl-C to a command that is stopped: exit code 130, one line, and no process left."""
     os.kill(process.pid, signal.SIGINT)
-    paused.resumed(process)
+    paused.resume(process)
     _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, error
     assert error.strip() == f"legoworld: stopped; {left}"
@@ -324,7 +324,7 @@ def ends_like(command: Sequence[str], output: Path, whole: Path) -> None:
     """What is there is not torn, and the same command ends as if never stopped."""
     for path in output.rglob("*.json"):
         json.loads(path.read_text())
-    done = finished(command)
+    done = finish(command)
     assert done.returncode in (0, 1), done.stderr
     assert tree(output) == tree(whole)
 
@@ -334,18 +334,18 @@ def test_ctrl_c_during_freeze(scenes, tmp_path):
     for folder in (torn, whole):
         shutil.copytree(scenes, folder)
     freeze = [*PROGRAM, "freeze", "-q", "--no-cache", "--workers", "1"]
-    assert finished([*freeze, str(whole)]).returncode == 0
+    assert finish([*freeze, str(whole)]).returncode == 0
     again = [*freeze, str(torn)]
-    interrupted(stopped(again, "renames", 3, path=torn / "*" / "frozen.json"), FREEZES)
+    interrupt_command(stop(again, "renames", 3, path=torn / "*" / "frozen.json"), FREEZES)
     assert 0 < len(list(torn.glob("*/frozen.json"))) < N_SCENES
     ends_like(again, torn, whole)
 
 
 def test_ctrl_c_during_evaluate(tmp_path, evaluation):
     torn, whole = tmp_path / "torn", tmp_path / "whole"
-    assert finished(evaluation(whole)).returncode == 0
+    assert finish(evaluation(whole)).returncode == 0
     # Its files are written when the run and the truth have been read.
-    interrupted(stopped(evaluation(torn, "-q"), "renames", path=torn / "*"))
+    interrupt_command(stop(evaluation(torn, "-q"), "renames", path=torn / "*"))
     assert not (torn / "evidence.json").exists()
     ends_like(evaluation(torn), torn, whole)
 
@@ -356,11 +356,11 @@ def test_ctrl_c_during_merge(scenes, tmp_path):
     shards = [tmp_path / "shard1", tmp_path / "shard2"]
     for i, shard in enumerate(shards, 1):
         more = ["--track", str(track), "--shard", f"{i}/2"]
-        assert finished(readout(scenes, shard, "coco", *more)).returncode == 1
+        assert finish(readout(scenes, shard, "coco", *more)).returncode == 1
     merge = [*PROGRAM, "merge", *map(str, shards), "-o"]
     torn, whole = tmp_path / "torn", tmp_path / "whole"
-    assert finished([*merge, str(whole)]).returncode == 1
-    interrupted(stopped([*merge, str(torn)], "row"))
+    assert finish([*merge, str(whole)]).returncode == 1
+    interrupt_command(stop([*merge, str(torn)], "row"))
     ends_like([*merge, str(torn)], torn, whole)
 
 
@@ -374,6 +374,6 @@ def test_ctrl_c_during_an_import(tmp_path):
         "--track", str(track), "--space", "depth", "--unit", "m", "-o",
     ]  # fmt: skip
     torn, whole = tmp_path / "torn", tmp_path / "whole"
-    assert finished([*bring, str(whole)]).returncode == 0
-    interrupted(stopped([*bring, str(torn)], "row", 2))
+    assert finish([*bring, str(whole)]).returncode == 0
+    interrupt_command(stop([*bring, str(torn)], "row", 2))
     ends_like([*bring, str(torn)], torn, whole)

@@ -270,8 +270,12 @@ def _hair() -> Any:
         }
         for kind in ("hair", "curves")
     } | {
-        "several": [made, [len(mesh.triangles) for mesh in several.meshes], several.made],
-        "no system": [numbers("hair", THERE, thing=_Thing()), _thin().made],
+        "several": [
+            made,
+            [len(mesh.triangles) for mesh in several.meshes],
+            several.has_thin_meshes,
+        ],
+        "no system": [numbers("hair", THERE, thing=_Thing()), _thin().has_thin_meshes],
         "flat normals": several.meshes[0].corner_normal is None,
         "by subdivisions": [triangles(subdivisions=n) for n in range(6)],
         "thick": [triangles(shape=shape) for shape in ("THICK", "THICK_LINEAR")],

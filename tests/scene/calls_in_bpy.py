@@ -51,7 +51,7 @@ def _shown() -> list[str]:
     """The top of each entry that shows a surface, and whether it is held out."""
     return sorted(
         entry.top[0].split(".")[0] + (" held out" if entry.holdout_mesh >= 0 else "")
-        for entry in _walked().seen
+        for entry in _walked().graph_entries
         if entry.mesh >= 0 or entry.holdout_mesh >= 0
     )
 

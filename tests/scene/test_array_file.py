@@ -43,7 +43,7 @@ def test_no_byte_can_be_changed_unnoticed(tmp_path):
         damaged = bytearray(whole)
         damaged[place] ^= 0x10
         path.write_bytes(damaged)
-        with pytest.raises(ValueError, match=r"it is (of another format|damaged)"):
+        with pytest.raises(ValueError, match=r"it is (not a legoworld array file|damaged)"):
             read_arrays(path)
 
 
@@ -53,7 +53,7 @@ def test_a_file_with_more_or_less_than_was_written_is_refused(tmp_path):
     whole = path.read_bytes()
     for content in (whole + b"\0", whole[:-1], whole[: len(whole) // 2], whole[:25], b""):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match=r"it is (of another format|damaged)"):
+        with pytest.raises(ValueError, match=r"it is (not a legoworld array file|damaged)"):
             read_arrays(path)
 
 

@@ -37,7 +37,7 @@ NOT_IN_A_SNAPSHOT = ("__init__.py", "scene/__init__.py", "errors.py", "exit_code
                      "records/plugin_state.py")  # fmt: skip
 
 
-def imported(path: Path) -> set[Path]:
+def imported_files(path: Path) -> set[Path]:
     """The package's files that a file imports, inside functions and for types, too."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -54,27 +54,27 @@ def imported(path: Path) -> set[Path]:
 
 
 @functools.cache
-def reached() -> set[str]:
+def reached_files() -> set[str]:
     todo, seen = [PACKAGE / name for name in STARTS], set()
     while todo:
         path = todo.pop()
         if path not in seen:
             seen.add(path)
-            todo += imported(path) if path != LAZY else []
+            todo += imported_files(path) if path != LAZY else []
     return {path.relative_to(PACKAGE).as_posix() for path in seen}
 
 
 def test_every_module_that_a_reader_imports_is_in_the_key():
     known = {path.relative_to(PACKAGE).as_posix() for path in cache.reader_sources()}
-    assert len(reached()) > 40
-    assert reached() - known - set(NOT_IN_A_SNAPSHOT) == set()
+    assert len(reached_files()) > 40
+    assert reached_files() - known - set(NOT_IN_A_SNAPSHOT) == set()
 
 
 def test_nothing_in_the_key_or_left_out_of_it_is_there_for_no_reason():
     in_folders = ("scene/blender/", "scene/gltf/")
     known = {path.relative_to(PACKAGE).as_posix() for path in cache.reader_sources()}
-    assert {name for name in known if not name.startswith(in_folders)} - reached() == set()
-    assert set(NOT_IN_A_SNAPSHOT) - reached() <= {"scene/__init__.py"}
+    assert {name for name in known if not name.startswith(in_folders)} - reached_files() == set()
+    assert set(NOT_IN_A_SNAPSHOT) - reached_files() <= {"scene/__init__.py"}
 
 
 def test_a_changed_byte_or_name_of_any_source_changes_the_key(tmp_path, monkeypatch):

@@ -108,7 +108,7 @@ def test_the_size_limit_is_the_largest_that_is_read(scene, monkeypatch):
     monkeypatch.setattr(freeze, "LARGEST_BYTES", 8)
     assert hash_files(scene.path, ["wood.png"])["wood.png"].bytes == 8
     monkeypatch.setattr(freeze, "LARGEST_BYTES", 7)
-    with pytest.raises(SceneInvalidError, match="8 bytes, and 7 are the most"):
+    with pytest.raises(SceneInvalidError, match="8 bytes, limit 7"):
         hash_files(scene.path, ["wood.png"])
 
 

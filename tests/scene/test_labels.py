@@ -22,7 +22,7 @@ LVIS = from_json(
 )
 
 
-def one(**labels):
+def one_label(**labels):
     scene = HandScene()
     scene.object("Sofa", **labels)
     scene.occurs("Sofa")
@@ -42,7 +42,7 @@ def one(**labels):
     ],
 )
 def test_names_match_without_case_and_with_underscores_as_spaces(written, expected):
-    assert categories(one(category=written).grouped()) == [expected]
+    assert categories(one_label(category=written).grouped()) == [expected]
 
 
 def test_a_key_that_labels_json_does_not_have_is_a_warning(tmp_path):
@@ -52,7 +52,7 @@ def test_a_key_that_labels_json_does_not_have_is_a_warning(tmp_path):
     ]
     path = tmp_path / "labels.json"
     path.write_text(json.dumps({"version": 1, "labels": entries}))
-    scene = one()
+    scene = one_label()
     scene.object("Chair")
     warnings = resolve_labels(scene.snapshot(), read_labels_file(path), None, None).warnings
     assert warnings == (
@@ -62,7 +62,7 @@ def test_a_key_that_labels_json_does_not_have_is_a_warning(tmp_path):
 
 
 def test_blank_labels_are_no_labels():
-    grouping = one(category=" ").grouped()
+    grouping = one_label(category=" ").grouped()
     assert grouping.outside_vocabulary == {}
     assert grouping.instances[0].label_text is None
 
@@ -87,35 +87,35 @@ def test_names_outside_the_vocabulary_are_counted_by_text():
     ],
 )
 def test_synonyms_count_where_only_one_category_has_them(written, expected):
-    scene = one(category=written)
+    scene = one_label(category=written)
     assert categories(scene.grouped(vocabulary=LVIS, override="lvis_category")) == [expected]
 
 
 def test_the_override_property_wins_in_its_own_vocabulary_only():
-    scene = one(category="chair", lvis_category="sofa", coco_category="apple")
+    scene = one_label(category="chair", lvis_category="sofa", coco_category="apple")
     assert categories(scene.grouped(vocabulary=LVIS, override="lvis_category")) == ["sofa"]
     assert categories(scene.grouped(override="coco_category")) == ["apple"]
     assert categories(scene.grouped(vocabulary=None, override=None)) == ["chair"]
 
 
 def test_an_override_alone_labels_in_its_own_vocabulary_only():
-    scene = one(lvis_category="sofa")
+    scene = one_label(lvis_category="sofa")
     assert categories(scene.grouped(vocabulary=LVIS, override="lvis_category")) == ["sofa"]
     assert categories(scene.grouped(override="coco_category")) == [None]
 
 
 def test_labels_json_wins_over_the_scene():
-    scene = one(category="apple")
+    scene = one_label(category="apple")
     assert categories(scene.grouped(outside("object", "Sofa", category="chair"))) == ["chair"]
 
 
 def test_a_plain_category_of_labels_json_wins_over_an_override_in_the_scene():
-    scene = one(category="apple", coco_category="tree")
+    scene = one_label(category="apple", coco_category="tree")
     assert categories(scene.grouped(outside("object", "Sofa", category="chair"))) == ["chair"]
 
 
 def test_an_override_of_labels_json_leaves_the_scenes_category_to_others():
-    scene = one(category="apple")
+    scene = one_label(category="apple")
     label = outside("object", "Sofa", lvis_category="sofa")
     assert categories(scene.grouped(label)) == ["apple"]
     assert categories(scene.grouped(label, vocabulary=LVIS, override="lvis_category")) == ["sofa"]
@@ -134,7 +134,7 @@ def test_labels_json_labels_collections():
 def test_labels_json_may_name_what_is_not_there_with_a_warning():
     from legoworld.scene.labels import resolve_labels
 
-    scene = one(category="apple")
+    scene = one_label(category="apple")
     labels = resolve_labels(
         scene.snapshot(), [outside("object", "Stool", category="chair")], None, None
     )

@@ -64,7 +64,7 @@ def test_the_innermost_collection_wins():
     scene.occurs("B")
     grouping = scene.grouped()
     assert summary(grouping) == [("Inner", "chair", ("A",)), ("Outer", "tree", ("B",))]
-    assert grouping.nested == {0: 1}
+    assert grouping.enclosing_instance == {0: 1}
 
 
 def test_the_instancers_label_counts_last_and_once_for_all_it_made():
@@ -94,7 +94,7 @@ def test_a_labelled_object_on_a_labelled_scatterer_is_nested_in_it():
     scatterer = scene.occurs("Scatterer")
     scene.occurs("Fruit", by=scatterer, frame=0)
     scene.occurs("Fruit", by=scatterer, frame=1)
-    assert scene.grouped().nested == {1: 0, 2: 0}
+    assert scene.grouped().enclosing_instance == {1: 0, 2: 0}
 
 
 def test_a_labelled_empty_owns_all_its_descendants():
@@ -120,7 +120,7 @@ def test_a_labelled_descendant_is_cut_out_of_its_ancestor():
         ("Table", "dining table", ("Bowl", "Table")),
         ("Apple", "apple", ("Apple",)),
     ]
-    assert grouping.nested == {1: 0}
+    assert grouping.enclosing_instance == {1: 0}
 
 
 def test_the_parent_chain_leads_across_hidden_parents():
@@ -289,7 +289,7 @@ def test_a_label_outside_the_vocabulary_is_transparent_and_counted():
     grouping = scene.grouped()
     assert summary(grouping) == [("Car", "chair", ("Car", "Wheel 1", "Wheel 2"))]
     assert grouping.outside_vocabulary == {"wheel": 2}
-    assert grouping.nested == {}
+    assert grouping.enclosing_instance == {}
 
 
 def test_without_a_vocabulary_every_label_counts_as_it_is_written():
@@ -300,7 +300,7 @@ def test_without_a_vocabulary_every_label_counts_as_it_is_written():
     scene.occurs("Wheel")
     grouping = scene.grouped(vocabulary=None, override=None)
     assert categories(grouping) == ["My Car", "wheel"]
-    assert grouping.nested == {1: 0}
+    assert grouping.enclosing_instance == {1: 0}
 
 
 def test_labelled_owners_without_a_surface_are_named():

@@ -87,7 +87,7 @@ def test_what_claims_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, m
     assert len(data) < 100_000
     with pytest.raises(SceneInvalidError, match=r"found: 8192x4097 pixels in [\d,]+ bytes"):
         check_picture(path)
-    said = page_picture(path, "one/final.png", most_px=MOST_PX).said
+    said = page_picture(path, "one/final.png", most_px=MOST_PX).note
     assert "8192x4097 pixels" in said
     assert str(tmp_path) not in said
     path.write_bytes(bomb(8192, MOST_PHOTO_PX // 8192 + 1))

@@ -22,7 +22,7 @@ def at(x: float) -> tuple[float, ...]:
     return (1.0, 0.0, 0.0, x, *UNIT[4:])
 
 
-def seen(top: str, path: tuple[int, ...], name: str, x: float = 0.0, **facts: object) -> GraphEntry:
+def node(top: str, path: tuple[int, ...], name: str, x: float = 0.0, **facts: object) -> GraphEntry:
     values = {"mesh": 0, "holdout_mesh": -1, "by_particles": False, **facts}
     return GraphEntry(top=(top, ""), path=path, object=(name, ""), world_from_mesh=at(x), **values)  # type: ignore[arg-type]
 
@@ -46,7 +46,7 @@ def makes(
     )
 
 
-def resolved(entries: list[GraphEntry], **generators: Generator) -> Placements:
+def resolve_entries(entries: list[GraphEntry], **generators: Generator) -> Placements:
     names = sorted({e.object[0] for e in entries} | {e.top[0] for e in entries})
     facts = {(n, ""): generators.get(n, makes()) for n in names}
     return resolve_placements(entries, facts, {(n, ""): i for i, n in enumerate(names)})
@@ -75,59 +75,55 @@ def frames_of(placements: Placements, entries: list[GraphEntry], name: str) -> l
 
 def test_nested_collections():
     entries = [
-        seen("E", (), "E", mesh=-1),
-        seen("E", (0,), "F", mesh=-1),
-        seen("E", (0, 0), "M"),
-        seen("E", (0, 1), "M2"),
-        seen("E", (1,), "N"),
+        node("E", (), "E", mesh=-1),
+        node("E", (0,), "F", mesh=-1),
+        node("E", (0, 0), "M"),
+        node("E", (0, 1), "M2"),
+        node("E", (1,), "N"),
     ]
-    found = resolved(entries, E=makes("COLLECTION", "F N"), F=makes("COLLECTION", "M M2"))
+    found = resolve_entries(entries, E=makes("COLLECTION", "F N"), F=makes("COLLECTION", "M M2"))
     assert makers(found, entries) == ["E", "F<E", "M<F", "M2<F", "N<E"]
     assert len({f for _, _, f in rows(found, entries)}) == 1
 
 
 def test_a_curve_and_its_mesh_are_one_occurrence():
-    entries = [seen("C", (), "C", mesh=-1), seen("C", (0,), "C")]
-    found = resolved(entries, C=makes(own=True))
+    entries = [node("C", (), "C", mesh=-1), node("C", (0,), "C")]
+    found = resolve_entries(entries, C=makes(own=True))
     assert makers(found, entries) == ["C"]
     assert found.arrays["surface_occurrence"].tolist() == [0]
 
 
 def test_a_curve_inside_an_instanced_collection_is_one_occurrence():
-    entries = [
-        seen("E", (), "E", mesh=-1),
-        seen("E", (0,), "C", mesh=-1),
-        seen("E", (0, 0), "C"),
-    ]
-    found = resolved(entries, E=makes("COLLECTION", "C"), C=makes(own=True))
+    entries = [node("E", (), "E", mesh=-1), node("E", (0,), "C", mesh=-1), node("E", (0, 0), "C")]
+    found = resolve_entries(entries, E=makes("COLLECTION", "C"), C=makes(own=True))
     assert makers(found, entries) == ["E", "C<E"]
     assert found.arrays["surface_occurrence"].tolist() == [1]
 
 
 def test_geometry_nodes_that_scatter_their_own_mesh_are_one_occurrence():
-    entries = [seen("S", (), "S"), seen("S", (0, 0), "S", 1.0), seen("S", (1, 0), "S", 2.0)]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+    entries = [node("S", (), "S"), node("S", (0, 0), "S", 1.0), node("S", (1, 0), "S", 2.0)]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     assert makers(found, entries) == ["S"]
     assert found.arrays["surface_occurrence"].tolist() == [0, 0, 0]
 
 
 def test_geometry_nodes_that_scatter_an_object_place_each_apart():
-    entries = [seen("S", (), "S"), seen("S", (0, 0), "A", 0.0), seen("S", (1, 0), "A", 5.0)]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+    entries = [node("S", (), "S"), node("S", (0, 0), "A", 0.0), node("S", (1, 0), "A", 5.0)]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     assert makers(found, entries) == ["S", "A<S", "A<S"]
     assert len(set(frames_of(found, entries, "A"))) == 2
 
 
 def test_geometry_nodes_that_place_a_whole_collection_keep_its_members_together():
-    entries = [seen("S", (), "S")]
+    entries = [node("S", (), "S")]
     for i, x in enumerate((0.0, 10.0)):
         entries += [
-            seen("S", (i, 0, 0), "A", x + 0.1),
-            seen("S", (i, 0, 2), "B", x + 0.2),
-            seen("S", (i, 0, 4), "F", x + 0.3, mesh=-1),
-            seen("S", (i, 0, 5, 0), "Leaf", x + 0.3),
+            node("S", (i, 0, 0), "A", x + 0.1),
+            node("S", (i, 0, 2), "B", x + 0.2),
+            node("S", (i, 0, 4), "F", x + 0.3, mesh=-1),
+            node("S", (i, 0, 5, 0), "Leaf", x + 0.3),
         ]
-    found = resolved(
+    found = resolve_entries(
         entries,
         S=makes(own=True, scatters=True),
         A=makes(stands_x=0.1),
@@ -142,10 +138,10 @@ def test_geometry_nodes_that_place_a_whole_collection_keep_its_members_together(
 
 def test_geometry_nodes_that_pick_members_place_each_apart():
     """The same paths as one placement of two members, but moved differently."""
-    entries = [seen("S", (), "S")]
+    entries = [node("S", (), "S")]
     for i, x in enumerate((0.0, 100.0)):
-        entries += [seen("S", (i, 0), "A", x + 0.1), seen("S", (i, 1), "B", x + 10.2)]
-    found = resolved(
+        entries += [node("S", (i, 0), "A", x + 0.1), node("S", (i, 1), "B", x + 10.2)]
+    found = resolve_entries(
         entries,
         S=makes(own=True, scatters=True),
         A=makes(stands_x=0.1),
@@ -156,30 +152,30 @@ def test_geometry_nodes_that_pick_members_place_each_apart():
 
 
 def test_members_that_stand_nowhere_are_placed_apart():
-    entries = [seen("S", (), "S"), seen("S", (0, 0), "A"), seen("S", (0, 1), "B")]
-    found = resolved(entries, S=makes(scatters=True), A=makes(stands_x=None), B=makes())
+    entries = [node("S", (), "S"), node("S", (0, 0), "A"), node("S", (0, 1), "B")]
+    found = resolve_entries(entries, S=makes(scatters=True), A=makes(stands_x=None), B=makes())
     assert frames_of(found, entries, "A") != frames_of(found, entries, "B")
 
 
 def test_particles_place_whole_collections_by_particle():
-    entries = [seen("P", (), "P")]
+    entries = [node("P", (), "P")]
     for i in range(3):
-        entries += [seen("P", (0, i), name, i, by_particles=True) for name in ("A", "B")]
-    found = resolved(entries, P=makes(scatters=True))
+        entries += [node("P", (0, i), name, i, by_particles=True) for name in ("A", "B")]
+    found = resolve_entries(entries, P=makes(scatters=True))
     assert frames_of(found, entries, "A") == frames_of(found, entries, "B")
     assert len(set(frames_of(found, entries, "A"))) == 3
 
 
 def test_vertex_duplicates_share_their_vertex_and_find_their_own_instancer():
-    entries = [seen("P", (), "P")]
+    entries = [node("P", (), "P")]
     for i in range(2):
         entries += [
-            seen("P", (i,), "A"),
-            seen("P", (i,), "F", mesh=-1),
-            seen("P", (i,), "G"),
-            seen("P", (i, 0), "Leaf"),
+            node("P", (i,), "A"),
+            node("P", (i,), "F", mesh=-1),
+            node("P", (i,), "G"),
+            node("P", (i, 0), "Leaf"),
         ]
-    found = resolved(
+    found = resolve_entries(
         entries,
         P=makes("VERTS"),
         A=makes(ancestors="P"),
@@ -191,13 +187,13 @@ def test_vertex_duplicates_share_their_vertex_and_find_their_own_instancer():
 
 
 def test_the_order_of_entries_does_not_matter():
-    entries = [seen("E", (), "E", mesh=-1), seen("Z", (), "Z", 3.0)]
-    entries += [seen("E", (i,), f"M{i}", float(i)) for i in range(6)]
+    entries = [node("E", (), "E", mesh=-1), node("Z", (), "Z", 3.0)]
+    entries += [node("E", (i,), f"M{i}", float(i)) for i in range(6)]
     members = " ".join(f"M{i}" for i in range(6))
-    first = resolved(entries, E=makes("COLLECTION", members))
+    first = resolve_entries(entries, E=makes("COLLECTION", members))
     for seed in range(5):
         shuffled = random.Random(seed).sample(entries, len(entries))
-        again = resolved(shuffled, E=makes("COLLECTION", members))
+        again = resolve_entries(shuffled, E=makes("COLLECTION", members))
         assert first.mesh_order == again.mesh_order
         for name, array in first.arrays.items():
             assert np.array_equal(array, again.arrays[name]), name
@@ -205,9 +201,9 @@ def test_the_order_of_entries_does_not_matter():
 
 def test_the_order_of_a_collections_members_does_not_matter():
     def listed(*names: str) -> Placements:
-        entries = [seen("E", (), "E", mesh=-1)]
-        entries += [seen("E", (i,), n, float(ord(n)), mesh=ord(n)) for i, n in enumerate(names)]
-        return resolved(entries, E=makes("COLLECTION", "A B C"))
+        entries = [node("E", (), "E", mesh=-1)]
+        entries += [node("E", (i,), n, float(ord(n)), mesh=ord(n)) for i, n in enumerate(names)]
+        return resolve_entries(entries, E=makes("COLLECTION", "A B C"))
 
     first, again = listed("A", "B", "C"), listed("C", "A", "B")
     assert first.mesh_order == again.mesh_order == [65, 66, 67]
@@ -216,25 +212,25 @@ def test_the_order_of_a_collections_members_does_not_matter():
 
 
 def test_a_surface_in_part_held_out_is_two_surfaces_of_one_occurrence():
-    entries = [seen("A", (), "A", mesh=3, holdout_mesh=7)]
-    arrays = resolved(entries).arrays
+    entries = [node("A", (), "A", mesh=3, holdout_mesh=7)]
+    arrays = resolve_entries(entries).arrays
     assert arrays["surface_occurrence"].tolist() == [0, 0]
     assert arrays["surface_holdout"].tolist() == [0, 1]
-    assert resolved(entries).mesh_order == [3, 7]
+    assert resolve_entries(entries).mesh_order == [3, 7]
 
 
 @pytest.mark.parametrize("n", [70_000])
 def test_many_placements_take_little_time(n):
-    entries = [seen("S", (), "S")]
-    entries += [seen("S", (i, 0), "A", float(i)) for i in range(n)]
-    found = resolved(entries, S=makes(scatters=True))
+    entries = [node("S", (), "S")]
+    entries += [node("S", (i, 0), "A", float(i)) for i in range(n)]
+    found = resolve_entries(entries, S=makes(scatters=True))
     assert len(set(frames_of(found, entries, "A"))) == n
 
 
 def test_hair_belongs_to_the_occurrence_that_grows_it():
-    entries = [seen("Tuft", (), "Tuft", mesh=0), seen("Tuft", (), "Tuft", mesh=3)]
-    entries += [seen("Box", (4,), "Tuft", mesh=0), seen("Box", (4,), "Tuft", mesh=5)]
-    found = resolved(entries, Box=makes("COLLECTION", "Tuft"))
+    entries = [node("Tuft", (), "Tuft", mesh=0), node("Tuft", (), "Tuft", mesh=3)]
+    entries += [node("Box", (4,), "Tuft", mesh=0), node("Box", (4,), "Tuft", mesh=5)]
+    found = resolve_entries(entries, Box=makes("COLLECTION", "Tuft"))
     arrays = found.arrays
     assert makers(found, entries) == ["Box", "Tuft<Box", "Tuft"]
     assert arrays["surface_occurrence"].tolist() == [1, 1, 2, 2]
@@ -245,9 +241,9 @@ def test_points_are_placements_of_their_own_occurrence():
     places = np.zeros((3, 3, 4))
     places[:, 0, 3] = (7, 8, 9)
     cloud = Scatter(mesh=np.array([4, 2, 4]), world_from_mesh=places, holdout=True)
-    entries = [seen("A", (), "A", mesh=0), seen("C", (), "C", mesh=1)]
-    entries.append(seen("B", (), "B", mesh=-1, scatter=cloud))
-    found = resolved(entries)
+    entries = [node("A", (), "A", mesh=0), node("C", (), "C", mesh=1)]
+    entries.append(node("B", (), "B", mesh=-1, scatter=cloud))
+    found = resolve_entries(entries)
     arrays = found.arrays
     assert arrays["surface_occurrence"].tolist() == [0, 1, 1, 1, 2]
     assert arrays["surface_holdout"].tolist() == [0, 1, 1, 1, 0]
@@ -257,55 +253,55 @@ def test_points_are_placements_of_their_own_occurrence():
 
 
 def test_one_object_placed_twice_at_one_place_is_two():
-    entries = [seen("S", (), "S"), seen("S", (0,), "A"), seen("S", (1,), "A")]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+    entries = [node("S", (), "S"), node("S", (0,), "A"), node("S", (1,), "A")]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     assert len(set(frames_of(found, entries, "A"))) == 2
 
 
 def test_members_that_follow_each_other_are_one_placement_until_one_comes_again():
-    entries = [seen("S", (), "S")]
+    entries = [node("S", (), "S")]
     for i, x in enumerate((0.0, 10.0)):
-        entries += [seen("S", (2 * i,), "A", x), seen("S", (2 * i + 1,), "B", x)]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+        entries += [node("S", (2 * i,), "A", x), node("S", (2 * i + 1,), "B", x)]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     a, b = (frames_of(found, entries, name) for name in "AB")
     assert a == b
     assert len(set(a)) == 2
 
 
 def test_objects_moved_alike_under_different_paths_are_placed_apart():
-    entries = [seen("S", (), "S"), seen("S", (0, 0), "A"), seen("S", (1, 0), "B")]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+    entries = [node("S", (), "S"), node("S", (0, 0), "A"), node("S", (1, 0), "B")]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     assert frames_of(found, entries, "A") != frames_of(found, entries, "B")
 
 
 @pytest.mark.parametrize(("apart", "one"), [(5.0, True), (20.0, False)])
 def test_moved_alike_is_within_a_share_of_the_distance(apart, one):
-    entries = [seen("S", (), "S"), seen("S", (0,), "A", 1e5), seen("S", (1,), "B", 1e5 + apart)]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+    entries = [node("S", (), "S"), node("S", (0,), "A", 1e5), node("S", (1,), "B", 1e5 + apart)]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     assert (frames_of(found, entries, "A") == frames_of(found, entries, "B")) == one
 
 
 def test_what_follows_an_even_index_is_not_of_the_one_before():
-    entries = [seen("S", (), "S"), seen("S", (1,), "E", mesh=-1), seen("S", (2, 0), "M")]
-    found = resolved(entries, S=makes(scatters=True), E=makes("COLLECTION", "M"))
+    entries = [node("S", (), "S"), node("S", (1,), "E", mesh=-1), node("S", (2, 0), "M")]
+    found = resolve_entries(entries, S=makes(scatters=True), E=makes("COLLECTION", "M"))
     assert "M<S" in makers(found, entries)
 
 
 def test_of_two_that_could_have_made_it_the_first_by_name_did():
     entries = [
-        seen("S", (), "S", mesh=-1),
-        seen("S", (0,), "G", mesh=-1),
-        seen("S", (0,), "F", mesh=-1),
-        seen("S", (0, 0), "M"),
+        node("S", (), "S", mesh=-1),
+        node("S", (0,), "G", mesh=-1),
+        node("S", (0,), "F", mesh=-1),
+        node("S", (0, 0), "M"),
     ]
     both = {"F": makes("COLLECTION", "M"), "G": makes("COLLECTION", "M")}
     for order in (entries, entries[::-1]):
-        found = resolved(order, S=makes("COLLECTION", "F G"), **both)
+        found = resolve_entries(order, S=makes("COLLECTION", "F G"), **both)
         assert "M<F" in makers(found, order)
 
 
 def test_surfaces_of_an_occurrence_stay_in_order():
-    entries = [seen("S", (i,) if i else (), "S", float(i), mesh=i % 3) for i in range(200)]
-    found = resolved(entries, S=makes(own=True, scatters=True))
+    entries = [node("S", (i,) if i else (), "S", float(i), mesh=i % 3) for i in range(200)]
+    found = resolve_entries(entries, S=makes(own=True, scatters=True))
     assert set(found.arrays["surface_occurrence"].tolist()) == {0}
     assert found.arrays["world_from_mesh"][:, 0, 3].tolist() == list(range(200))

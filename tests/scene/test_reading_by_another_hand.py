@@ -160,7 +160,7 @@ def test_the_source_says_which_file_is_read(scene):
     assert blender.asked == []
 
 
-def opened(scene, blender, cache=None, content=None):
+def open_artefacts(scene, blender, cache=None, content=None):
     files = checked_artefacts(scene, require_frozen=False)
     return OpenedScene(scene, files, blender, cache, content=content)
 
@@ -168,20 +168,20 @@ def opened(scene, blender, cache=None, content=None):
 def test_a_render_is_asked_for_once_and_kept(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
     with stand_in() as blender:
-        assert opened(scene, blender, cache).render(CARD) == PNG
-        assert opened(scene, blender, cache).render(replace(CARD, threads=3)) == PNG
+        assert open_artefacts(scene, blender, cache).render(CARD) == PNG
+        assert open_artefacts(scene, blender, cache).render(replace(CARD, threads=3)) == PNG
         assert len(blender.asked) == 1
         assert blender.asked[0]["card"] == {
             "size_wh": (4, 3), "samples": 1, "seed": 2, "denoise": False, "threads": 0,
         }  # fmt: skip
-        assert opened(scene, blender, cache).render(replace(CARD, seed=3)) == PNG
-        assert opened(scene, blender).render(replace(CARD, threads=3)) == PNG
+        assert open_artefacts(scene, blender, cache).render(replace(CARD, seed=3)) == PNG
+        assert open_artefacts(scene, blender).render(replace(CARD, threads=3)) == PNG
         assert [m["card"]["threads"] for m in blender.asked] == [0, 0, 3]
         (scene.path / "scene.blend").write_text("Table")
-        opened(scene, blender, cache).render(CARD)
+        open_artefacts(scene, blender, cache).render(CARD)
         assert len(blender.asked) == 4
-        opened(scene, blender, cache, content={"a": 1}).render(CARD)
-        opened(scene, blender, cache, content={"a": 1}).render(CARD)
+        open_artefacts(scene, blender, cache, content={"a": 1}).render(CARD)
+        open_artefacts(scene, blender, cache, content={"a": 1}).render(CARD)
         assert len(blender.asked) == 5
 
 
@@ -199,21 +199,23 @@ def test_what_a_render_meets_is_asked_for_once_and_kept(scene, tmp_path):
     names = (("Table", "//more.blend"), ("Table", ""), ("Chair", ""))
     cache = SnapshotCache(tmp_path / "cache")
     with stand_in(names=names) as blender:
-        met = opened(scene, blender, cache).met(CARD, snapshot)
+        met = open_artefacts(scene, blender, cache).first_hits(CARD, snapshot)
         assert met.depth_z_m.tolist() == [[0.5, 0.5, 0.5]]
         assert met.object.tolist() == [[0, 1, 2]]
         assert met.place.tolist() == [2, 0, -1]
-        again = opened(scene, blender, cache).met(replace(CARD, threads=3), snapshot)
+        again = open_artefacts(scene, blender, cache).first_hits(replace(CARD, threads=3), snapshot)
         assert (again.depth_z_m == met.depth_z_m).all()
         assert (again.place == met.place).all()
         assert [m["kind"] for m in blender.asked] == ["card_depth"]
-        opened(scene, blender, cache).render(CARD)
+        open_artefacts(scene, blender, cache).render(CARD)
         assert (
-            opened(scene, blender, cache).met(replace(CARD, seed=3), snapshot).depth_z_m.max()
+            open_artefacts(scene, blender, cache)
+            .first_hits(replace(CARD, seed=3), snapshot)
+            .depth_z_m.max()
             == 1.5
         )
-        assert opened(scene, blender).met(CARD, snapshot).depth_z_m.max() == 2.0
-        assert opened(scene, blender).met(CARD, snapshot).depth_z_m.max() == 2.5
+        assert open_artefacts(scene, blender).first_hits(CARD, snapshot).depth_z_m.max() == 2.0
+        assert open_artefacts(scene, blender).first_hits(CARD, snapshot).depth_z_m.max() == 2.5
     entries = [p for p in cache.folder.rglob("*.npz") if p.is_file()]
     assert len(entries) == 2
 
@@ -224,19 +226,21 @@ def test_an_object_s_number_in_a_render_begins_again_after_the_most(scene):
     hand.occurs("Last")
     names = (*((f"{n}", "") for n in range(MOST_OBJECTS + 1)), ("Last", ""))
     with stand_in(names=names) as blender:
-        assert opened(scene, blender).met(CARD, hand.snapshot()).place.tolist() == [1]
+        assert open_artefacts(scene, blender).first_hits(CARD, hand.snapshot()).place.tolist() == [
+            1
+        ]
 
 
 def test_facts_are_asked_for_once_and_kept(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
     with stand_in() as blender:
-        first, again = (opened(scene, blender, cache).facts((8, 8)) for _ in range(2))
+        first, again = (open_artefacts(scene, blender, cache).facts((8, 8)) for _ in range(2))
         assert first.values == again.values == FACTS
         assert first.textures.tolist() == again.textures.tolist() == [[[[1] * 3] * 2] * 2]
         assert blender.asked[0]["thumbnail_wh"] == (8, 8)
-        other = opened(scene, blender, cache).facts((9, 8))
+        other = open_artefacts(scene, blender, cache).facts((9, 8))
         assert other.textures.max() == 2
-        assert opened(scene, blender).facts((8, 8)).textures.max() == 3
+        assert open_artefacts(scene, blender).facts((8, 8)).textures.max() == 3
 
 
 def test_a_question_is_asked_again_once_where_the_process_was_lost(scene):
@@ -244,17 +248,17 @@ def test_a_question_is_asked_again_once_where_the_process_was_lost(scene):
     for lost, expected in ((1, 2), (2, 2), (0, 1)):
         with stand_in(lost=lost, slow=lost == 0) as blender:
             if lost == 1:
-                assert opened(scene, blender).facts((8, 8)).values == FACTS
+                assert open_artefacts(scene, blender).facts((8, 8)).values == FACTS
             else:
                 with pytest.raises(WorkerCrashedError if lost else WorkerTimeoutError):
-                    opened(scene, blender).render(CARD)
+                    open_artefacts(scene, blender).render(CARD)
             assert len(blender.asked) == expected
 
 
 def test_what_is_kept_can_be_read_by_others(scene, tmp_path):
     cache = SnapshotCache(tmp_path / "cache")
     with stand_in() as blender:
-        opened(scene, blender, cache).facts((8, 8))
+        open_artefacts(scene, blender, cache).facts((8, 8))
     (stored,) = cache.folder.rglob("*.npz")
     with np.load(stored) as arrays:
         assert json.loads(arrays["facts"].tobytes()) == FACTS

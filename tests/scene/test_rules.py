@@ -143,7 +143,7 @@ def test_what_lies_outside_of_scenes_has_a_name_without_its_path(name, folder, l
         )
 
 
-def hashed(letter: str) -> FileHash:
+def file_hash(letter: str) -> FileHash:
     return FileHash(sha256=letter * 64, bytes=3)
 
 
@@ -156,7 +156,7 @@ def hashed(letter: str) -> FileHash:
     ],
 )  # fmt: skip
 def test_a_frozen_file_is_told_with_both_hashes(recorded, now, said):
-    files = [{"x.png": hashed(letter) if letter else None} for letter in (recorded, now)]
+    files = [{"x.png": file_hash(letter) if letter else None} for letter in (recorded, now)]
     if said is None:
         freeze._refuse_changes(*files)
         return
@@ -183,7 +183,7 @@ def test_files_that_a_frozen_scene_reads_are_those_on_record(tmp_path):
     unfrozen = frozen(scene, {}, frozen="at_readout")
     found = freeze.hashed_dependencies(scene, ["wood.png"], unfrozen, read_by="scene.glb")
     assert found.dependencies == {"wood.png": wood}
-    far = {"/far/a.png": hashed("a"), "wood.png": wood}
+    far = {"/far/a.png": file_hash("a"), "wood.png": wood}
     for read_by, said in (("scene.blend", 1), ("scene.glb", 0)):
         found = freeze.hashed_dependencies(scene, ["wood.png"], frozen(scene, far), read_by=read_by)
         assert len(found.warnings) == 1 + said
@@ -204,7 +204,7 @@ def test_files_that_a_frozen_scene_reads_are_those_on_record(tmp_path):
 )
 def test_a_scene_without_the_file_that_is_read_says_what_to_do(source, there, said):
     files = FrozenFiles(
-        artefacts={name: hashed("a") for name in there}, dependencies={}, frozen="at_readout",
+        artefacts={name: file_hash("a") for name in there}, dependencies={}, frozen="at_readout",
         warnings=(),
     )  # fmt: skip
     with pytest.raises(Exception, match=said):

@@ -29,7 +29,7 @@ def hashed(monkeypatch):
     return times
 
 
-def written(folder, content=b"one"):
+def write_scene(folder, content=b"one"):
     (folder / NAME).write_bytes(content)
     return hash_files(folder, [NAME])[NAME]
 
@@ -43,13 +43,13 @@ def rewrite(path, content):
 
 
 def test_a_settled_file_is_hashed_once(tmp_path, settled, hashed):
-    before = written(tmp_path)
+    before = write_scene(tmp_path)
     assert is_still(tmp_path, NAME, before)
     assert len(hashed) == 1
 
 
 def test_a_file_changed_just_now_is_hashed_again(tmp_path, hashed):
-    before = written(tmp_path)
+    before = write_scene(tmp_path)
     assert before.stamp is None
     assert is_still(tmp_path, NAME, before)
     assert len(hashed) == 2
@@ -65,7 +65,7 @@ def test_an_old_file_is_settled(tmp_path, monkeypatch):
 
 
 def test_a_change_that_restores_size_and_time_is_noticed(tmp_path, settled):
-    before = written(tmp_path)
+    before = write_scene(tmp_path)
     rewrite(tmp_path / NAME, b"two")
     assert (tmp_path / NAME).stat().st_size == before.bytes
     assert not is_still(tmp_path, NAME, before)
@@ -73,13 +73,13 @@ def test_a_change_that_restores_size_and_time_is_noticed(tmp_path, settled):
 
 def test_a_file_that_took_its_place_is_noticed(tmp_path, settled):
     (tmp_path / "other").write_bytes(b"two")
-    before = written(tmp_path)
+    before = write_scene(tmp_path)
     (tmp_path / "other").replace(tmp_path / NAME)
     assert not is_still(tmp_path, NAME, before)
 
 
 def test_the_same_content_under_another_stamp_is_the_same(tmp_path, settled, hashed):
-    before = written(tmp_path)
+    before = write_scene(tmp_path)
     (tmp_path / "other").write_bytes(b"one")
     (tmp_path / "other").replace(tmp_path / NAME)
     assert is_still(tmp_path, NAME, before)
@@ -87,7 +87,7 @@ def test_the_same_content_under_another_stamp_is_the_same(tmp_path, settled, has
 
 
 def test_a_file_that_went_or_became_something_else_is_noticed(tmp_path, settled):
-    before = written(tmp_path)
+    before = write_scene(tmp_path)
     (tmp_path / NAME).unlink()
     assert not is_still(tmp_path, NAME, before)
     os.mkfifo(tmp_path / NAME)
@@ -96,9 +96,9 @@ def test_a_file_that_went_or_became_something_else_is_noticed(tmp_path, settled)
 
 
 def test_a_stamp_is_no_part_of_what_a_hash_is(tmp_path, settled):
-    one = written(tmp_path)
+    one = write_scene(tmp_path)
     (tmp_path / "elsewhere").mkdir()
-    other = written(tmp_path / "elsewhere")
+    other = write_scene(tmp_path / "elsewhere")
     assert one.stamp != other.stamp
     assert one == other
     assert hash(one) == hash(other)

@@ -50,7 +50,7 @@ def options_of(folder: Path, task: str = "coco") -> ImageOptions:
     )  # fmt: skip
 
 
-def hashed(folder: Path) -> HashedScene:
+def hashed_scene(folder: Path) -> HashedScene:
     return HashedScene(IMAGE.scene, options_of(folder))
 
 
@@ -205,9 +205,9 @@ def test_provenance_is_hashed_like_the_rest(folder):
     after = record_of(folder)
     assert set(after.scene.files) == {"scene.glb", "provenance.json"}
     assert before.row.files_sha256 != after.row.files_sha256
-    assert still_valid(after, hashed(folder), options_of(folder))
+    assert still_valid(after, hashed_scene(folder), options_of(folder))
     (folder / "provenance.json").write_text('{"agent": "b"}')
-    assert not still_valid(after, hashed(folder), options_of(folder))
+    assert not still_valid(after, hashed_scene(folder), options_of(folder))
 
 
 def test_a_frozen_scene_vouches_for_its_provenance(folder):

@@ -45,7 +45,7 @@ EVERY = table(
         (Number(value=-0.0, digits=1), "0.0"),
         (TIES, "0.5000 (sd 0.0625)"),
         (Number(value=0.5, ends=(0.25, 0.75), sd=0.1, digits=2), "0.50 [0.25, 0.75]"),
-        (AP.alone, "0.2500"),
+        (AP.without_interval, "0.2500"),
         (NONE, "-"),
         (Spread(of=AP), "[0.1250, 0.5000]"),
         (Spread(of=TIES), "sd 0.0625"),

@@ -17,7 +17,7 @@ SIZE = (8, 6)
 SLANTED = -wall(SIZE, 20)  # away from the camera
 
 
-def coded(dtype):
+def encode_normals(dtype):
     most = np.iinfo(dtype).max
     values = np.rint((SLANTED + 1) / 2 * most).astype(dtype)
     values[0] = 0
@@ -54,7 +54,7 @@ def write_layout(name, folder):
         np.save(normals, unknown_at_0().astype(np.float64))
         np.save(folder / "indoors/scene_00019/00019_0_depth_mask.npy", np.ones(SIZE[::-1]))
     else:
-        cv2.imwrite(str(normals), coded(np.uint8 if name == "nyuv2" else np.uint16))
+        cv2.imwrite(str(normals), encode_normals(np.uint8 if name == "nyuv2" else np.uint16))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -103,5 +103,5 @@ def test_an_exr_of_other_channels_is_no_picture_of_normals(tmp_path):
     for name, channels in (("two", ("R", "G")), ("depth", ("Z",))):
         values = {c: np.ones(SIZE[::-1], np.float32) for c in channels}
         openexr.File({"type": openexr.scanlineimage}, values).write(str(tmp_path / f"{name}.exr"))
-        with pytest.raises(DepthFileError, match="not one picture of 3 channels"):
+        with pytest.raises(DepthFileError, match="not a single 3-channel picture"):
             read_normals(tmp_path / f"{name}.exr", Declaration(sign="towards_camera"))

@@ -11,14 +11,14 @@ from legoworld.tracks.track import folders_without_scene, make_folder_track, ser
 from legoworld.tracks.vocabulary import Vocabulary, dataset_version, find_dataset, load
 
 
-def put(top, *names):
+def make_files(top, *names):
     for name in names:
         (top / name).parent.mkdir(parents=True, exist_ok=True)
         (top / name).write_bytes(b"")
 
 
 def test_every_folder_with_a_scene_is_an_image_in_sorted_order(tmp_path):
-    put(tmp_path, "b/scene.blend", "a/deep/scene.glb", "c/notes.txt", ".hidden/scene.blend")
+    make_files(tmp_path, "b/scene.blend", "a/deep/scene.glb", "c/notes.txt", ".hidden/scene.blend")
     (tmp_path / "b" / "again").symlink_to(tmp_path, target_is_directory=True)
     track = make_folder_track(tmp_path)
     assert [(i.id, i.file_name, i.scene) for i in track.images] == [
@@ -28,22 +28,24 @@ def test_every_folder_with_a_scene_is_an_image_in_sorted_order(tmp_path):
 
 
 def test_one_scene_folder_is_a_track_of_its_name(tmp_path):
-    put(tmp_path, "kitchen/scene.blend")
+    make_files(tmp_path, "kitchen/scene.blend")
     (image,) = make_folder_track(tmp_path / "kitchen").images
     assert (image.file_name, image.scene, image.size_wh) == ("kitchen", ".", None)
 
 
 def test_a_folder_without_scenes_is_refused_by_its_name(tmp_path):
-    put(tmp_path, "photos/a.jpg")
+    make_files(tmp_path, "photos/a.jpg")
     with pytest.raises(CatalogError) as caught:
         make_folder_track(tmp_path / "photos")
     assert caught.value.found == f"no scene.blend or scene.glb below {tmp_path / 'photos'}"
 
 
 def test_folders_that_were_meant_as_scenes(tmp_path):
-    put(tmp_path, "scene.py", "good/scene.blend", "good/scene.py", "program/scene.py", "else/a.txt")
+    make_files(
+        tmp_path, "scene.py", "good/scene.blend", "good/scene.py", "program/scene.py", "else/a.txt"
+    )
     (tmp_path / "folder" / "scene.blend").mkdir(parents=True)
-    put(tmp_path, ".hidden/scene.py")
+    make_files(tmp_path, ".hidden/scene.py")
     assert folders_without_scene(tmp_path) == ["folder", "program"]
 
 
@@ -51,7 +53,7 @@ def test_folders_that_were_meant_as_scenes(tmp_path):
     "name", ["scene.py", "final.png", "labels.json", "provenance.json", "frozen.json"]
 )
 def test_any_file_of_a_scene_folder_tells_that_one_was_meant(name, tmp_path):
-    put(tmp_path, f"a/{name}", "good/scene.blend")
+    make_files(tmp_path, f"a/{name}", "good/scene.blend")
     assert folders_without_scene(tmp_path) == ["a"]
 
 
@@ -100,7 +102,7 @@ def test_versions_of_datasets():
 
 
 def test_a_track_serves_the_tasks_of_its_dataset(tmp_path):
-    put(tmp_path, "a/scene.blend")
+    make_files(tmp_path, "a/scene.blend")
     track = make_folder_track(tmp_path)
     assert serves(track, "lvis")
 

@@ -30,7 +30,7 @@ def picture(path: Path, colour: tuple[int, int, int]) -> None:
     cv2.imwrite(str(path), np.full((96, 128, 3), colour, np.uint8))
 
 
-def recorded(scenes: Path, *, tokens: bool = True) -> RecordedTrial:
+def record_trial(scenes: Path, *, tokens: bool = True) -> RecordedTrial:
     """A trial of six calls; the last one saves as well, and is the submission."""
     folder, (calls, checkpoints) = scenes / "room", ([], [])
     for number in range(1, 7):
@@ -73,7 +73,7 @@ def recorded(scenes: Path, *, tokens: bool = True) -> RecordedTrial:
     return read_trial(folder)
 
 
-def scored(output: Path, trial: RecordedTrial) -> TrajectoryFile:
+def score_trial(output: Path, trial: RecordedTrial) -> TrajectoryFile:
     """trajectories.json of the trial, and the renders of its checkpoints."""
     scenes = []
     for number, checkpoint in enumerate(trial.live):

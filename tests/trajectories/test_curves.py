@@ -52,7 +52,7 @@ SCENES = st.lists(
 )
 
 
-def drawn(rows):
+def drawn_rows(rows):
     return [
         scene(n, r, None if r is None else a, camera=c, snapshot=s)
         for n, (r, a, c, s) in enumerate(rows, start=1)
@@ -73,7 +73,7 @@ def test_a_deliberate_regression_is_found_with_its_call_and_its_regret():
 
 @given(SCENES)
 def test_regret_is_never_negative_and_its_parts_are_all_of_it(rows):
-    made = trial(drawn(rows))
+    made = trial(drawn_rows(rows))
     assert made.regret >= 0
     assert sum(made.regret_split.values()) == pytest.approx(made.regret, abs=1e-12)
     assert set(made.regret_split) == set(CAUSES)
@@ -81,7 +81,7 @@ def test_regret_is_never_negative_and_its_parts_are_all_of_it(rows):
 
 @given(SCENES)
 def test_edits_tell_the_way_from_the_first_scene_to_the_last(rows):
-    made = trial(drawn(rows))
+    made = trial(drawn_rows(rows))
     eligible = [s for s in made.scenes if s.Q is not None]
     if eligible:
         assert sum(e.d_q for e in made.edits) == pytest.approx(eligible[-1].Q - eligible[0].Q)
@@ -93,7 +93,7 @@ def test_edits_tell_the_way_from_the_first_scene_to_the_last(rows):
 
 @given(SCENES, st.integers(0, 12))
 def test_an_ineligible_scene_between_changes_nothing_but_its_count(rows, at):
-    scenes = drawn(rows)
+    scenes = drawn_rows(rows)
     more = [*scenes[:at], scene(50, None, None), *scenes[at:]]
     before, after = list_edits(scenes), list_edits(more)
     assert [e.d_q for e in before] == [e.d_q for e in after]
@@ -187,7 +187,7 @@ def test_a_submission_other_than_the_last_checkpoint_is_an_edit_of_its_own():
 
 @given(SCENES)
 def test_the_curve_is_zero_first_and_the_submission_last(rows):
-    made = trial(drawn(rows))
+    made = trial(drawn_rows(rows))
     assert q_at(made, "wall", 0.0) == 0.0
     assert q_at(made, "wall", 1.0) == made.final_q
     assert q_at(made, "calls", 0.5) == q_at(made, "wall", 0.5)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 from msgspec.structs import replace as with_fields
-from trajectories.pages import recorded, scored
+from trajectories.pages import record_trial, score_trial
 from trajectories.requirement_reports import WANTED, report
 
 from legoworld.errors import LegoWorldError, SceneInvalidError, UsageError
@@ -47,7 +47,7 @@ class Blenders:
     def export(self, blend, target, *, workspace, **how):
         assert workspace.is_dir()
         assert not list(workspace.iterdir())
-        assert how == {"limits": LIMITS, "held": HELD, "blender": "the blender"}
+        assert how == {"limits": LIMITS, "protections": HELD, "blender": "the blender"}
         if blend.stem in self.bad:
             raise self.bad[blend.stem]
         self.exported.append(blend)
@@ -60,7 +60,7 @@ class Blenders:
 
 @pytest.fixture
 def scenes(tmp_path):
-    trial = recorded(tmp_path / "scenes")
+    trial = record_trial(tmp_path / "scenes")
     (trial.folder / "provenance.json").write_text("{}")
     return tmp_path / "scenes"
 
@@ -72,7 +72,7 @@ def blenders(monkeypatch):
 
 def plan(by="last", evidence=None):
     said = []
-    made = PickPlan(by=by, evidence=evidence, limits=LIMITS, held=HELD, notice=said.append)
+    made = PickPlan(by=by, evidence=evidence, limits=LIMITS, protections=HELD, notice=said.append)
     return made, said
 
 
@@ -203,7 +203,7 @@ def test_regret_is_saved_over_the_scenes_that_were_scored_on_both_sides():
 
 
 def test_q_is_a_checkpoint_s_or_its_submission_s_and_zero_without(tmp_path):
-    document = scored(tmp_path / "scores", recorded(tmp_path / "scenes"))
+    document = score_trial(tmp_path / "scores", record_trial(tmp_path / "scenes"))
     q_of = final_scores(document)
     assert [q_of("room", n) for n in (1, 2, 4, None)] == pytest.approx([0.4, 0.65, 0.0, 0.55])
     assert q_of("room", 9) is None
@@ -211,8 +211,8 @@ def test_q_is_a_checkpoint_s_or_its_submission_s_and_zero_without(tmp_path):
 
 
 def test_the_page_has_a_table_of_all_images_and_one_of_the_common(tmp_path):
-    trial = recorded(tmp_path / "scenes")
-    document = scored(tmp_path / "scores", trial)
+    trial = record_trial(tmp_path / "scenes")
+    document = score_trial(tmp_path / "scores", trial)
     page = tmp_path / "page.html"
     write_page([trial], page, photos=None, scores=tmp_path / "scores")
     text = page.read_text()
@@ -231,7 +231,7 @@ def test_the_page_has_a_table_of_all_images_and_one_of_the_common(tmp_path):
 def scoring_plan(tmp_path):
     said = []
     return ScoringPlan(
-        private=tmp_path / "private", output=tmp_path / "scores", limits=LIMITS, held=HELD,
+        private=tmp_path / "private", output=tmp_path / "scores", limits=LIMITS, protections=HELD,
         workers=2, draws=10, seed=3, notice=said.append,
     )  # fmt: skip
 
@@ -356,7 +356,7 @@ def test_tokens_count_up_to_each_call_and_the_rest_at_the_end():
 def three_runs(tmp_path, monkeypatch, blenders):
     """Three runs of one photo; the second fits best, the third shows nothing."""
     for number in (1, 2, 3):
-        folder = recorded(tmp_path / "scenes" / f"run_{number}").folder
+        folder = record_trial(tmp_path / "scenes" / f"run_{number}").folder
         (folder / "scene.blend").write_text(f"run {number}")
     fits = {"run 1": {"a": 0.5, "b": 0.25}, "run 2": {"a": 0.25, "b": 0.75}}
 
@@ -376,7 +376,9 @@ def three_runs(tmp_path, monkeypatch, blenders):
 
 
 def plan_by_regions(said, evidence=None):
-    return PickPlan(by="regions", evidence=evidence, limits=LIMITS, held=HELD, notice=said.append)
+    return PickPlan(
+        by="regions", evidence=evidence, limits=LIMITS, protections=HELD, notice=said.append
+    )
 
 
 def test_of_several_runs_the_one_that_fits_its_regions_is_copied(three_runs, tmp_path):
@@ -403,5 +405,5 @@ def test_equal_runs_leave_the_first_and_no_regions_choose_nothing(three_runs, tm
     assert record.run == f"run_1/{record.scene}"
     assert three_runs.asked == [tmp_path / "evidence" / record.scene]
     three_runs.regions.clear()
-    with pytest.raises(UsageError, match=r"nothing to choose .* by.*no regions"):
+    with pytest.raises(UsageError, match=r"can be chosen by its residuals.*no regions"):
         pick(three_runs.scenes, tmp_path / "more", by)

@@ -18,8 +18,8 @@ import pytest
 from evaluation.detection_runs import random_truth
 from msgspec.structs import replace as msgspec_replace
 from report.chromium import Browser, browser
-from report.pages import evaluated
-from trajectories.pages import LEFT, picture, recorded, scored
+from report.pages import evaluate
+from trajectories.pages import LEFT, picture, record_trial, score_trial
 
 from legoworld import cli
 from legoworld.trajectories.page import _picture, _tables, calls_table, write_page
@@ -32,8 +32,8 @@ AXE = Path(__file__).parents[2] / "tools" / "page" / "node_modules" / "axe-core"
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
-    trial = recorded(folder / "scenes")
-    scored(folder / "scores", trial)
+    trial = record_trial(folder / "scenes")
+    score_trial(folder / "scores", trial)
     picture(folder / "photos" / "room.png", (200, 180, 120))
     write_page([trial], folder / "page.html", photos=folder / "photos", scores=folder / "scores")
     return folder / "page.html"
@@ -46,14 +46,14 @@ def chrome() -> Iterator[Browser]:
         yield opened
 
 
-def embedded(page: Path) -> Any:
+def embedded_data(page: Path) -> Any:
     found = re.search(r'id="data">(.*?)</script>', page.read_text(), re.DOTALL)
     assert found
     return json.loads(found[1])[0]
 
 
 def test_each_call_has_its_scene_its_q_and_its_place_on_three_axes(page):
-    steps = embedded(page)["steps"]
+    steps = embedded_data(page)["steps"]
     assert [step["Q"] is not None for step in steps] == [
         LEFT.get(n) is not None for n in range(1, 7)
     ]
@@ -69,14 +69,14 @@ def test_each_call_has_its_scene_its_q_and_its_place_on_three_axes(page):
 
 
 def test_a_call_that_changed_and_saved_has_the_q_of_what_it_changed(tmp_path):
-    trial = recorded(tmp_path / "scenes")
-    document = scored(tmp_path / "scores", trial)
+    trial = record_trial(tmp_path / "scenes")
+    document = score_trial(tmp_path / "scores", trial)
     shown = [str(row[5]) for row in calls_table(trial, document.trials[0]).rows]
     assert shown == ["0.4000", "0.6500", "", "0.4750", "-", "0.5500"]
 
 
 def test_means_stand_over_all_images_and_over_the_common_ones(tmp_path):
-    document = scored(tmp_path / "scores", recorded(tmp_path / "scenes"))
+    document = score_trial(tmp_path / "scores", record_trial(tmp_path / "scenes"))
     (alone,) = _tables(document)
     assert alone.title == "All images"
     assert len(alone.rows) == len(document.agents[0].means)
@@ -88,7 +88,7 @@ def test_means_stand_over_all_images_and_over_the_common_ones(tmp_path):
 
 
 def test_what_a_call_said_is_cut_at_sixty_letters(tmp_path):
-    trial = recorded(tmp_path / "scenes")
+    trial = record_trial(tmp_path / "scenes")
     said = "".join(chr(ord("a") + k % 26) for k in range(70))
     long = replace(trial, calls=tuple(msgspec_replace(c, said=said) for c in trial.calls))
     rows = calls_table(long, None).rows
@@ -120,15 +120,15 @@ def test_a_small_picture_keeps_its_size_and_colours(tmp_path):
 def test_trials_are_grouped_by_run_and_each_has_its_slot(tmp_path):
     scenes, output = tmp_path / "scenes", tmp_path / "out"
     for run in ("run_2", "run_10"):
-        recorded(scenes / run)
+        record_trial(scenes / run)
     groups = _groups(scenes)
     assert [(g.run, g.agent, len(g.trials)) for g in groups] == [(2, "codex", 1), (10, "codex", 1)]
     assert len({g.name for g in groups}) == 2
     for group in groups:
         (trial,) = group.trials
         assert slot_folder(output, trial, 4) == output / group.name / "005" / "scenes"
-    recorded(tmp_path / "plain")
-    recorded(tmp_path / "plain" / "run_x")
+    record_trial(tmp_path / "plain")
+    record_trial(tmp_path / "plain" / "run_x")
     (group,) = _groups(tmp_path / "plain")
     assert (group.run, len(group.trials)) == (1, 2)
     own = next(t for t in group.trials if t.folder.parent.name == "plain")
@@ -136,9 +136,9 @@ def test_trials_are_grouped_by_run_and_each_has_its_slot(tmp_path):
 
 
 def test_without_scores_and_photos_there_is_the_submission_alone(tmp_path):
-    trial = recorded(tmp_path / "scenes", tokens=False)
+    trial = record_trial(tmp_path / "scenes", tokens=False)
     write_page([trial], tmp_path / "page.html", photos=None, scores=None)
-    found = embedded(tmp_path / "page.html")
+    found = embedded_data(tmp_path / "page.html")
     assert found["photo"] is None
     assert found["final"].startswith("data:image/webp")
     assert {step["render"] for step in found["steps"]} == {None}
@@ -146,11 +146,11 @@ def test_without_scores_and_photos_there_is_the_submission_alone(tmp_path):
 
 
 def test_photos_are_found_below_val2017_and_what_is_missing_is_said(tmp_path, capsys):
-    recorded(tmp_path / "scenes")
+    record_trial(tmp_path / "scenes")
     words = ["trajectory", "report", str(tmp_path / "scenes"), "-o", str(tmp_path / "page.html")]
     picture(tmp_path / "photos" / "val2017" / "room.png", (200, 180, 120))
     assert cli.run([*words, "--photos", str(tmp_path / "photos")]) == 0
-    assert embedded(tmp_path / "page.html")["photo"].startswith("data:image/webp")
+    assert embedded_data(tmp_path / "page.html")["photo"].startswith("data:image/webp")
     assert "not found" not in capsys.readouterr().err
     (tmp_path / "other").mkdir()
     assert cli.run([*words, "--photos", str(tmp_path / "other")]) == 0
@@ -161,8 +161,8 @@ def test_the_page_and_the_report_lead_to_each_other(chrome, tmp_path):
     """A report of boxes whose photo is called as the trial's scene."""
     truth = random_truth("coco", seed=1, images=2)
     truth["images"][1]["file_name"] = "room.png"
-    boxes = evaluated(tmp_path, "coco", truth=truth)
-    recorded(tmp_path / "scenes")
+    boxes = evaluate(tmp_path, "coco", truth=truth)
+    record_trial(tmp_path / "scenes")
     report, page = tmp_path / "my report.html", tmp_path / "page.html"
     words = ["trajectory", "report", str(tmp_path / "scenes"), "-o", str(page)]
     assert cli.run([*words, "--report", str(report)]) == 0
@@ -182,7 +182,7 @@ def test_the_page_and_the_report_lead_to_each_other(chrome, tmp_path):
 
 
 def test_the_submission_is_there_in_3d_from_its_own_camera(chrome, tmp_path):
-    trial = recorded(tmp_path / "scenes")
+    trial = record_trial(tmp_path / "scenes")
     write_page([trial], tmp_path / "page.html", photos=None, scores=None)
     chrome.open(tmp_path / "page.html")
     assert chrome.js("document.getElementById('in3d').textContent") == "there is no scene.glb"
@@ -238,8 +238,8 @@ def test_axe_finds_nothing_and_nothing_sticks_out(chrome, page, width):
 
 
 def test_pairs_name_the_pictures_that_were_scored(tmp_path, capsys):
-    trial = recorded(tmp_path / "scenes")
-    scored(tmp_path / "scores", trial)
+    trial = record_trial(tmp_path / "scenes")
+    score_trial(tmp_path / "scores", trial)
     lines = tmp_path / "pairs.jsonl"
     asked = ["trajectory", "pairs", str(tmp_path / "scenes"), "-o", str(lines)]
     asked += ["--scores", str(tmp_path / "scores"), "--seed", "1"]
@@ -256,7 +256,7 @@ def test_pairs_name_the_pictures_that_were_scored(tmp_path, capsys):
     assert slot_folder(tmp_path / "scores", trial, None).parent.name == "final"
     assert cli.run(asked) == 0
     assert "codex, gap 1-2: 5\ncodex, gap 3-5: 1\n" in capsys.readouterr().out
-    recorded(tmp_path / "others", tokens=False)
+    record_trial(tmp_path / "others", tokens=False)
     about = tmp_path / "others" / "room" / "reconstruction.json"
     about.write_text(about.read_text().replace('"agent": "codex"', '"agent": "else"'))
     asked[2] = str(tmp_path / "others")
@@ -266,7 +266,7 @@ def test_pairs_name_the_pictures_that_were_scored(tmp_path, capsys):
 
 def test_an_address_that_names_no_trial_shows_the_first(chrome, tmp_path):
     """%E0%A4%A is half a character."""
-    recorded(tmp_path / "scenes")
+    record_trial(tmp_path / "scenes")
     page = tmp_path / "page.html"
     assert cli.run(["trajectory", "report", str(tmp_path / "scenes"), "-o", str(page)]) == 0
     for address in ("#%E0%A4%A", "#another", "#room"):

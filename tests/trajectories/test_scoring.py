@@ -80,7 +80,7 @@ def scored(tmp_path_factory):
         private=folder / "bench" / "private",
         output=folder / "scores",
         limits=SandboxLimits(time_s=300.0, memory_bytes=3 << 30),
-        held=protections("auto"),
+        protections=protections("auto"),
         workers=1,
         draws=200,
         seed=0,

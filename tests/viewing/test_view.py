@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from report.chromium import Browser, browser
-from report.pages import evaluated
+from report.pages import evaluate
 from waiting import until
 
 import legoworld
@@ -28,7 +28,7 @@ PNG = b"\x89PNG\r\n\x1a\nand more"
 def top(tmp_path_factory):
     """A folder with a run and its evaluation, a picture, and a file that is none."""
     folder = tmp_path_factory.mktemp("watched")
-    evaluated(folder / "results", "coco", images=4)
+    evaluate(folder / "results", "coco", images=4)
     (folder / "pictures").mkdir()
     (folder / "pictures" / "one.png").write_bytes(PNG)
     (folder / "pictures" / "text.png").write_bytes(b"no picture")

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from trajectories.pages import recorded
+from trajectories.pages import record_trial
 
 from legoworld.records.base import readable
 from legoworld.records.folders.run_journal import append, journal
@@ -176,7 +176,7 @@ def test_folders_too_deep_hidden_or_many_are_left_out(tmp_path, monkeypatch):
 
 
 def test_the_newest_of_many_ended_trials_are_shown(tmp_path):
-    record = json.loads(readable(recorded(tmp_path / ".made").about))
+    record = json.loads(readable(record_trial(tmp_path / ".made").about))
     for number in range(65):
         folder = tmp_path / "scenes" / f"{number:02}"
         folder.mkdir(parents=True)

@@ -79,7 +79,7 @@ def rotation(rng: np.random.Generator) -> NDArray[np.float64]:
     return q if np.linalg.det(q) > 0 else -q
 
 
-def moved(linear: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
+def affine(linear: ArrayLike, offset: ArrayLike) -> NDArray[np.float64]:
     """The (3, 4) matrix of x -> linear @ x + offset."""
     return np.column_stack([np.asarray(linear, float), np.asarray(offset, float)])
 
@@ -130,7 +130,7 @@ def jumble(seed: int) -> tuple[Surfaces, Projection, tuple[int, int]]:
     for ident in (3, 0, 5, 5, 2, 9, HOLDOUT, HOLDOUT):
         linear = np.eye(3) + rng.normal(size=(3, 3)) * 0.3
         linear = linear @ np.diag([rng.choice([-1, 1]), 1, 1])
-        placements.append((int(rng.integers(3)), moved(linear, rng.normal(size=3) * 0.5), ident))
+        placements.append((int(rng.integers(3)), affine(linear, rng.normal(size=3) * 0.5), ident))
     placements.append((placements[1][0], placements[1][1], 7))
     cutouts = Cutouts(
         triangle_cutout=rng.integers(-1, 2, 42).astype(np.int32),
@@ -155,7 +155,7 @@ def ball_pit(count: int) -> Surfaces:
     """Balls of 10,620 triangles, one instance for every two: more than one round of the kernel."""
     rng = np.random.default_rng(count)
     at = [
-        (0, moved(rotation(rng) * 0.4, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])), i // 2)
+        (0, affine(rotation(rng) * 0.4, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])), i // 2)
         for i in range(count)
     ]
     return place([sphere(60, 90)], at)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from visibility.kernel_scenes import (
     IDENTITY,
+    affine,
     mesh,
-    moved,
     pixel_camera,
     pixel_rectangle,
     place,
@@ -45,13 +45,13 @@ def test_codes_of_a_rectangle(rectangle, expected):
 
 
 def test_behind_the_camera_is_nearer_than_the_near_plane():
-    assert code(sphere(6, 8), moved(np.eye(3), (0, 0, -5))) == 1
+    assert code(sphere(6, 8), affine(np.eye(3), (0, 0, -5))) == 1
 
 
 def test_nothing_with_an_area():
     assert code(mesh([(0, 0, 5)], [])) == 0
     assert code(mesh([(0, 0, 5), (1, 1, 6), (2, 2, 7)], [(0, 1, 2), (1, 1, 2)])) == 0
-    assert code(sphere(6, 8), moved(np.zeros((3, 3)), (0, 0, 5))) == 0
+    assert code(sphere(6, 8), affine(np.zeros((3, 3)), (0, 0, 5))) == 0
 
 
 def test_edge_on_in_view_lies_between_centres():
@@ -93,7 +93,9 @@ def test_five_exactly_where_a_render_of_the_placement_alone_shows_it(seed):
     at = [
         (
             int(rng.integers(2)),
-            moved(rotation(rng) * 10.0 ** rng.uniform(-3, 0.5), rng.normal(size=3) * 4 + [0, 0, 4]),
+            affine(
+                rotation(rng) * 10.0 ** rng.uniform(-3, 0.5), rng.normal(size=3) * 4 + [0, 0, 4]
+            ),
             i,
         )
         for i in range(60)
@@ -117,7 +119,7 @@ def test_a_box_beside_the_view_decides_as_all_its_triangles_do(seed, orthographi
     at = [
         (
             int(rng.integers(2)),
-            moved(rotation(rng) * 10.0 ** rng.uniform(-2, 0.7), rng.normal(size=3) * (12, 12, 30)),
+            affine(rotation(rng) * 10.0 ** rng.uniform(-2, 0.7), rng.normal(size=3) * (12, 12, 30)),
             i,
         )
         for i in range(400)
@@ -137,7 +139,7 @@ def test_a_placement_is_the_best_of_its_triangles_each_asked_alone(seed, orthogr
     camera = pixel_camera(SIZE, orthographic=orthographic, z_near=1.0, z_far=50.0, **size)
     points, faces = sphere(6, 8)
     at = [
-        moved(
+        affine(
             rotation(rng) * 10.0 ** rng.uniform(-1, 0.7),
             rng.normal(size=3) * (9, 9, 8) + (0, 0, 12),
         )

@@ -7,8 +7,8 @@ import pytest
 from visibility import oracle
 from visibility.kernel_scenes import (
     IDENTITY,
+    affine,
     mesh,
-    moved,
     pixel_camera,
     pixel_rectangle,
     place,
@@ -89,7 +89,7 @@ def test_every_wrap_and_interpolation_in_perspective(wrap, interpolation, seed):
     turn = turn if abs(turn[2, 2]) > 0.3 else np.eye(3)
     surfaces = place(
         [card],
-        [(0, moved(turn, (0.1, 0.2, 6.0)), 0)],
+        [(0, affine(turn, (0.1, 0.2, 6.0)), 0)],
         cutouts=cut(alpha, corner_uv, wrap, interpolation),
     )
     seen = render(surfaces, CAMERA, SIZE)
@@ -174,7 +174,7 @@ def test_corner_alpha_images_and_sides_against_the_oracle(sides, seed):
         indices=rng.integers(-1, 1, 13),
     )
     for mirror in (1.0, -1.0):
-        matrix = moved(np.diag([mirror, 1, 1]), (0, 0, 0))
+        matrix = affine(np.diag([mirror, 1, 1]), (0, 0, 0))
         surfaces = place([mesh(points, faces)], [(0, matrix, 0)], cutouts=cutouts)
         seen, truth = render(surfaces, CAMERA, SIZE), oracle.render(surfaces, CAMERA, SIZE)
         assert ((seen.instance != truth.instance) & ~truth.doubtful).sum() == 0
@@ -188,7 +188,7 @@ def test_a_mirrored_placement_keeps_its_front():
     for sides in ("both", "front", "back"):
         cutouts = cut([[255]], QUAD_UV * 0, sides=sides)
         for name, turn in (("plain", np.eye(3)), ("mirrored", mirrored)):
-            placed = [(0, moved(turn, (0, 0, 0)), 0)]
+            placed = [(0, affine(turn, (0, 0, 0)), 0)]
             seen = render(place([card], placed, cutouts=cutouts), CAMERA, SIZE)
             areas[sides, name] = int((seen.instance == 0).sum())
     assert areas["both", "plain"] == areas["both", "mirrored"] == 40 * 30

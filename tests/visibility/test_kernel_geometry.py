@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from visibility.kernel_scenes import (
     IDENTITY,
+    affine,
     mesh,
-    moved,
     pixel_camera,
     pixel_rectangle,
     place,
@@ -41,7 +41,7 @@ def test_shared_edges_have_no_crack(seed, orthographic):
     turn = rotation(rng)
     turn[2] *= 0.3
     disc = place(
-        [fan(rng, 300, 400.0)], [(0, moved(turn, rng.normal(size=3) * 0.1 + [0, 0, 500]), 0)]
+        [fan(rng, 300, 400.0)], [(0, affine(turn, rng.normal(size=3) * 0.1 + [0, 0, 500]), 0)]
     )
     seen = render(disc, camera, size_wh)
     inside = seen.instance == 0
@@ -76,7 +76,7 @@ def test_a_room_around_the_camera_has_no_hole(seed):
     camera = pixel_camera(size_wh, fx=40.0, fy=40.0, z_near=1e-3)
     inside = rng.uniform(-0.6, 0.6, 3)
     points, faces = sphere(int(rng.integers(5, 40)), int(rng.integers(5, 60)), radius=3.0)
-    room = place([mesh(points, faces)], [(0, moved(rotation(rng), inside), 0)])
+    room = place([mesh(points, faces)], [(0, affine(rotation(rng), inside), 0)])
     assert np.all(render(room, camera, size_wh).instance == 0)
 
 
@@ -105,7 +105,7 @@ def test_edge_on_after_a_rotation_that_rounds_shows_nothing(degrees):
     roll = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     wall = mesh([(0, -3, 1), (0, 3, 1), (0, 3, 9), (0, -3, 9)], [(0, 1, 2), (0, 2, 3)])
     there_and_back = roll.T @ roll
-    surfaces = place([wall], [(0, moved(there_and_back, (0, 0, 0)), 0)])
+    surfaces = place([wall], [(0, affine(there_and_back, (0, 0, 0)), 0)])
     assert np.all(render(surfaces, pixel_camera(size_wh), size_wh).instance == -1)
 
 
@@ -115,7 +115,7 @@ def test_triangles_without_area_show_nothing():
     points = [(0.5, 0.5, 1), (20.5, 20.5, 1), (40.5, 40.5, 1), (3, 9, 1)]
     faces = [(0, 1, 2), (0, 0, 1), (3, 3, 3), (2, 1, 0), (1, 3, 1)]
     assert np.all(render(place([mesh(points, faces)]), camera, size_wh).instance == -1)
-    flattened = place([sphere(6, 8)], [(0, moved(np.zeros((3, 3)), (5, 5, 2)), 0)])
+    flattened = place([sphere(6, 8)], [(0, affine(np.zeros((3, 3)), (5, 5, 2)), 0)])
     assert np.all(render(flattened, camera, size_wh).instance == -1)
 
 
@@ -123,7 +123,7 @@ def test_triangles_without_area_show_nothing():
 def test_the_unit_of_the_scene_does_not_change_the_picture(unit):
     size_wh = (120, 90)
     rng = np.random.default_rng(5)
-    at = [(0, moved(rotation(rng), rng.normal(size=3) + AHEAD * 6), i) for i in range(6)]
+    at = [(0, affine(rotation(rng), rng.normal(size=3) + AHEAD * 6), i) for i in range(6)]
     camera = pixel_camera(size_wh)
     scaled_camera = pixel_camera(size_wh, z_near=0.1 * unit, z_far=1000 * unit)
     scaled = [(m, c * unit, i) for m, c, i in at]
@@ -142,7 +142,9 @@ def test_a_camera_a_million_units_from_the_origin_sees_the_same():
     faces = [(0, 1, 2), (0, 2, 3)]
     near = render(place([mesh(corners, faces)]), camera, size_wh)
     far = render(
-        place([mesh(corners + offset, faces)], [(0, moved(np.eye(3), -offset), 0)]), camera, size_wh
+        place([mesh(corners + offset, faces)], [(0, affine(np.eye(3), -offset), 0)]),
+        camera,
+        size_wh,
     )
     assert (near.instance == 0).sum() > 1000
     np.testing.assert_array_equal(far.instance, near.instance)
@@ -153,7 +155,7 @@ def test_one_mesh_in_many_placements_is_as_many_copies():
     size_wh = (300, 200)
     camera = pixel_camera(size_wh)
     rng = np.random.default_rng(9)
-    at = [moved(rotation(rng) * 0.2, rng.uniform(-3, 3, 3) + AHEAD * 8) for _ in range(500)]
+    at = [affine(rotation(rng) * 0.2, rng.uniform(-3, 3, 3) + AHEAD * 8) for _ in range(500)]
     points, faces = sphere(6, 9)
     shared = render(
         place([(points, faces)], [(0, m, i) for i, m in enumerate(at)]), camera, size_wh

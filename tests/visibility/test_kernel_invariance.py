@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from visibility.kernel_scenes import mesh, moved, pixel_camera, place, rotation, sphere
+from visibility.kernel_scenes import affine, mesh, pixel_camera, place, rotation, sphere
 
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, Surfaces, render
 
@@ -25,16 +25,16 @@ def crowd(seed):
     at = [
         (
             int(rng.integers(2)),
-            moved(rotation(rng) * 0.5, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])),
+            affine(rotation(rng) * 0.5, rng.uniform(-2, 2, 3) + np.array([0, 0, 6])),
             i // 2,
         )
         for i in range(40)
     ]
-    still = moved(np.eye(3), (0, 0, 0))
+    still = affine(np.eye(3), (0, 0, 0))
     return place(meshes, [*at, (2, still, 50), (2, still, 51), (3, still, 52)])
 
 
-def reordered(surfaces: Surfaces, rng: np.random.Generator) -> Surfaces:
+def reorder_surfaces(surfaces: Surfaces, rng: np.random.Generator) -> Surfaces:
     """The same scene with its meshes, triangles and placements in another order."""
     meshes = len(surfaces.vertex_start) - 1
     order = rng.permutation(meshes)
@@ -74,7 +74,7 @@ def test_same_bytes_for_every_thread_count(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_same_bytes_for_every_order(seed):
     surfaces = crowd(seed)
-    assert picture(reordered(surfaces, np.random.default_rng(seed))) == picture(surfaces)
+    assert picture(reorder_surfaces(surfaces, np.random.default_rng(seed))) == picture(surfaces)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -90,7 +90,7 @@ def test_large_and_small_meshes_take_the_same_way():
     # Meshes above a size are shared out between threads: one mesh, and the same in 40 parts.
     points, faces = sphere(150, 200)
     assert len(points) > 2 * 16384 - 4000
-    at = moved(np.eye(3) * 1.5, (0, 0, 5))
+    at = affine(np.eye(3) * 1.5, (0, 0, 5))
     whole = picture(place([(points, faces)], [(0, at, 0)]), threads=2)
     parts = []
     for some in np.array_split(faces, 40):

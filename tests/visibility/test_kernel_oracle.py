@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from visibility import oracle
-from visibility.kernel_scenes import mesh, moved, pixel_camera, place, rotation
+from visibility.kernel_scenes import affine, mesh, pixel_camera, place, rotation
 
 from legoworld.visibility.kernel import HOLDOUT, render
 
@@ -67,7 +67,7 @@ def test_random_triangles(seed):
     at = [
         (
             int(rng.integers(3)),
-            moved(rotation(rng) @ np.diag(rng.normal(size=3)), rng.normal(size=3)),
+            affine(rotation(rng) @ np.diag(rng.normal(size=3)), rng.normal(size=3)),
             i,
         )
         for i in (HOLDOUT, 0, 1, 2, 2)
@@ -81,9 +81,9 @@ def test_slivers_through_the_near_plane(seed):
     rng = np.random.default_rng(seed)
     size_wh = (61, 47)
     camera = pixel_camera(size_wh, fx=50.0 + rng.random(), fy=50.0, cx=30.2, z_near=0.05)
-    roll = moved(rotation(np.random.default_rng(100 + seed)), (0, 0, 0))
+    roll = affine(rotation(np.random.default_rng(100 + seed)), (0, 0, 0))
     seen, truth = agree(
-        place([strips(rng, 150)], [(0, moved(np.eye(3), (0.01, 0, 0)), 0), (0, roll, 1)]),
+        place([strips(rng, 150)], [(0, affine(np.eye(3), (0.01, 0, 0)), 0), (0, roll, 1)]),
         camera,
         size_wh,
     )

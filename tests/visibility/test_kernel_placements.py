@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from visibility import oracle
 from visibility.kernel_scenes import (
     IDENTITY,
+    affine,
     mesh,
-    moved,
     pixel_camera,
     pixel_rectangle,
     place,
@@ -40,36 +40,36 @@ ORTHOGRAPHIC = pixel_camera(SIZE, orthographic=True, fx=14.0, fy=14.0, z_near=-1
 GRID = 1024
 
 
-def snapped(points):
+def snap_points(points):
     return np.round(np.asarray(points, float) * GRID) / GRID
 
 
 def ball(rings=8, segments=12, radius=0.3):
     points, faces = sphere(rings, segments, radius)
-    return mesh(snapped(points), faces)
+    return mesh(snap_points(points), faces)
 
 
 def rock(rng):
     """A ball with a rough surface."""
     points, faces = sphere(8, 12, 0.3)
-    return mesh(snapped(points * rng.uniform(0.6, 1.2, size=(len(points), 1))), faces)
+    return mesh(snap_points(points * rng.uniform(0.6, 1.2, size=(len(points), 1))), faces)
 
 
 def shifts(rng, count, low, high) -> NDArray[np.float64]:
-    return snapped(rng.uniform(low, high, size=(count, 3)))
+    return snap_points(rng.uniform(low, high, size=(count, 3)))
 
 
 def crowd(rng, count, low=(-2.5, -2.0, 3.0), high=(2.5, 2.0, 14.0)):
     """Two shapes at random places, every id twice."""
     meshes = [ball(), rock(rng)]
     at = [
-        (int(rng.integers(2)), moved(np.eye(3), shift), i // 2)
+        (int(rng.integers(2)), affine(np.eye(3), shift), i // 2)
         for i, shift in enumerate(shifts(rng, count, low, high))
     ]
     return meshes, at
 
 
-def baked(surfaces: Surfaces, ident: int) -> Surfaces:
+def bake_placements(surfaces: Surfaces, ident: int) -> Surfaces:
     """All placements of one id as one mesh in the camera's frame."""
     points, faces, cuts, uv, offset = [], [], [], [], 0
     for placement in np.flatnonzero(surfaces.placement_id == ident):
@@ -103,7 +103,7 @@ def nothing_left_out(surfaces: Surfaces, camera, size_wh=SIZE, depth_scale=1.0) 
     depth = np.full((height, width), np.inf, np.float32)
     instance = np.full((height, width), np.iinfo(np.int32).max, np.int32)
     for ident in np.unique(surfaces.placement_id):
-        one = baked(surfaces, int(ident))
+        one = bake_placements(surfaces, int(ident))
         shown = dataclasses.replace(one, placement_id=np.array([7], np.int32))
         alone = render(shown, camera, size_wh, depth_scale=depth_scale)
         wins = (alone.depth_z_m < depth) | (
@@ -163,9 +163,9 @@ def test_thousands_behind_a_wall_and_a_few_before_it(seed):
     rng = np.random.default_rng(seed)
     meshes, at = crowd(rng, 3000, low=(-3.0, -2.5, 6.5), high=(3.0, 2.5, 14.0))
     wall = pixel_rectangle(CAMERA, -1, -1, 97, 73, z=6.0)
-    meshes.append(mesh(snapped(wall[0]), wall[1]))
+    meshes.append(mesh(snap_points(wall[0]), wall[1]))
     front = [
-        (0, moved(np.eye(3), shift), 5000 + i)
+        (0, affine(np.eye(3), shift), 5000 + i)
         for i, shift in enumerate(shifts(rng, 5, (-1, -1, 4), (1, 1, 5)))
     ]
     seen = assert_same(place(meshes, [*at, *front, (2, IDENTITY, 4000)]))
@@ -179,7 +179,7 @@ def test_what_shows_through_one_hole_in_a_wall(hole):
     around = [(-1, -1, 97, v0), (-1, v1, 97, 73), (-1, v0, u0, v1), (u1, v0, 97, v1)]
     walls = [pixel_rectangle(CAMERA, *edges, z=4.0) for edges in around]
     points = np.concatenate([v for v, _ in walls])
-    wall = mesh(snapped(points), np.concatenate([t + 4 * i for i, (_, t) in enumerate(walls)]))
+    wall = mesh(snap_points(points), np.concatenate([t + 4 * i for i, (_, t) in enumerate(walls)]))
     rng = np.random.default_rng(1)
     meshes, at = crowd(rng, 1500, low=(-6.0, -5.0, 5.0), high=(6.0, 5.0, 14.0))
     seen = assert_same(place([*meshes, wall], [*at, (2, IDENTITY, 3000)]))
@@ -192,7 +192,7 @@ def test_placements_half_behind_a_wall():
     rng = np.random.default_rng(2)
     meshes, at = crowd(rng, 800, low=(-1.0, -2.0, 5.5), high=(1.0, 2.0, 9.0))
     half = pixel_rectangle(CAMERA, -1, -1, 48.3, 73, z=5.0)
-    meshes.append(mesh(snapped(half[0]), half[1]))
+    meshes.append(mesh(snap_points(half[0]), half[1]))
     seen = assert_same(place(meshes, [*at, (2, IDENTITY, 3000)]))
     assert np.all(seen.instance[:, :46] == 3000)
     assert len(np.unique(seen.instance[:, 50:])) > 20
@@ -213,7 +213,7 @@ def test_coplanar_ties_between_placements_of_every_round():
     # Square tiles in one plane, overlapping, with ids against their order; and the same rear plane.
     tile = mesh([(0, 0, 0), (0.5, 0, 0), (0.5, 0.5, 0), (0, 0.5, 0)], [(0, 1, 2), (0, 2, 3)])
     fine = mesh(
-        snapped([(x / 16, y / 16, 0) for y in range(17) for x in range(17)]),
+        snap_points([(x / 16, y / 16, 0) for y in range(17) for x in range(17)]),
         [
             face
             for y in range(16)
@@ -225,7 +225,7 @@ def test_coplanar_ties_between_placements_of_every_round():
     rng = np.random.default_rng(4)
     ids = rng.permutation(600)
     at = [
-        (int(i % 2), moved(np.eye(3), (*shift[:2], 5.0)), int(ids[i]))
+        (int(i % 2), affine(np.eye(3), (*shift[:2], 5.0)), int(ids[i]))
         for i, shift in enumerate(shifts(rng, 600, (-3, -2, 0), (2, 2, 1)))
     ]
     seen = assert_same(place([tile, fine], at))
@@ -242,7 +242,7 @@ def test_a_layer_that_hides_nothing_of_itself(behind):
     far = shifts(rng, behind, (-12.0, -12.0, 34.0), (12.0, 12.0, 60.0))
     places = [*at, *(tuple(shift) for shift in far)]
     surfaces = place(
-        [ball()], [(0, moved(np.eye(3), shift), i // 4) for i, shift in enumerate(places)]
+        [ball()], [(0, affine(np.eye(3), shift), i // 4) for i, shift in enumerate(places)]
     )
     seen = assert_same(surfaces)
     assert len(np.unique(seen.instance)) > len(places) / 4 * (1 if behind == 0 else 0.7)
@@ -253,7 +253,7 @@ def test_copies_in_one_place_show_the_lowest_id_whichever_comes_last():
     places = [(-0.5, 0.0, 4.0), (0.25, 0.25, 4.0), (0.0, -0.25, 5.0)]
     for step in (1, -1):
         at = [
-            (0, moved(np.eye(3), shift), 3 * i + k)
+            (0, affine(np.eye(3), shift), 3 * i + k)
             for i in range(300)[::step]
             for k, shift in enumerate(places)
         ]
@@ -265,7 +265,7 @@ def test_a_card_cut_away_by_its_alpha_hides_nothing():
     rng = np.random.default_rng(5)
     meshes, at = crowd(rng, 600, low=(-2.5, -2.0, 5.0), high=(2.5, 2.0, 9.0))
     card = pixel_rectangle(CAMERA, -1, -1, 97, 73, z=3.0)
-    meshes.append(mesh(snapped(card[0]), card[1]))
+    meshes.append(mesh(snap_points(card[0]), card[1]))
     faces = sum(len(t) for _, t in meshes)
     uv = np.zeros((faces, 3, 2), np.float32)
     uv[-2:] = [[(0, 1), (1, 1), (1, 0)], [(0, 1), (1, 0), (0, 0)]]
@@ -296,7 +296,7 @@ def test_a_holdout_of_an_early_round_hides_and_is_erased():
     rng = np.random.default_rng(6)
     meshes, at = crowd(rng, 900, low=(-2.5, -2.0, 4.5), high=(2.5, 2.0, 9.0))
     veil = pixel_rectangle(CAMERA, 20, 16, 72, 60, z=4.0)
-    meshes.append(mesh(snapped(veil[0]), veil[1]))
+    meshes.append(mesh(snap_points(veil[0]), veil[1]))
     seen = assert_same(place(meshes, [*at, (2, IDENTITY, HOLDOUT)]))
     assert np.all(seen.instance[18:58, 22:70] == -1)
     assert np.all(np.isposinf(seen.depth_z_m[18:58, 22:70]))
@@ -309,7 +309,7 @@ def test_meshes_shared_between_threads_are_left_out_too():
     big = ball(120, 150, 0.75)
     assert len(big[0]) > 16384
     at = [
-        (i % 2, moved(np.eye(3), shift), i)
+        (i % 2, affine(np.eye(3), shift), i)
         for i, shift in enumerate(shifts(rng, 24, (-0.5, -0.5, 3), (0.5, 0.5, 9)))
     ]
     seen = assert_same(place([big, ball()], at))
@@ -320,7 +320,7 @@ def test_placements_between_pixel_centres_and_outside_the_view():
     rng = np.random.default_rng(8)
     speck = ball(8, 12, 24 / GRID)
     far = shifts(rng, 2000, (-9, -9, 4), (9, 9, 40))
-    at = [(0, moved(np.eye(3), shift), i) for i, shift in enumerate(far)]
+    at = [(0, affine(np.eye(3), shift), i) for i, shift in enumerate(far)]
     meshes, near = crowd(rng, 200, low=(-2.5, -2.0, 3.0), high=(-0.5, 2.0, 9.0))
     near = [(m + 1, matrix, 5000 + ident) for m, matrix, ident in near]
     seen = assert_same(place([speck, *meshes], [*at, *near]))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from visibility.kernel_scenes import (
     IDENTITY,
+    affine,
     mesh,
-    moved,
     pixel_camera,
     pixel_rectangle,
     place,
@@ -27,14 +27,14 @@ def box_of(mask):
     return [x, y, columns.max() + 1 - x, rows.max() + 1 - y]
 
 
-def drawn(*rectangles, size_wh=SIZE, camera=CAMERA):
+def draw_rectangles(*rectangles, size_wh=SIZE, camera=CAMERA):
     return render(place([pixel_rectangle(camera, *r) for r in rectangles]), camera, size_wh)
 
 
 @pytest.mark.parametrize("size_wh", [(1, 1), (100, 80), (65, 129)])
 def test_row_01_a_plane_facing_the_camera_has_one_depth(size_wh):
     camera = pixel_camera(size_wh)
-    seen = drawn((-200, -200, 300, 300), size_wh=size_wh, camera=camera)
+    seen = draw_rectangles((-200, -200, 300, 300), size_wh=size_wh, camera=camera)
     assert np.all(seen.depth_z_m == np.float32(5.0))
     assert np.all(seen.instance == 0)
 
@@ -59,30 +59,30 @@ def test_row_03_nothing_hit_is_infinite_and_minus_one(surfaces):
 
 
 def test_row_04_a_quad_over_columns_and_rows_10_to_49():
-    mask = drawn((10, 10, 50, 50)).instance == 0
+    mask = draw_rectangles((10, 10, 50, 50)).instance == 0
     assert mask.sum() == 1600
     assert box_of(mask) == [10, 10, 40, 40]
 
 
 @pytest.mark.parametrize(("left", "first_column"), [(10.49, 10), (10.51, 11)])
 def test_row_05_a_left_edge_decides_by_the_pixel_centre(left, first_column):
-    mask = drawn((left, 20, 40, 30)).instance == 0
+    mask = draw_rectangles((left, 20, 40, 30)).instance == 0
     assert box_of(mask)[0] == first_column
 
 
 @pytest.mark.parametrize(("right", "last_column"), [(30.49, 29), (30.51, 30)])
 def test_row_05_a_right_edge_decides_by_the_pixel_centre(right, last_column):
-    x, _, width, _ = box_of(drawn((10, 20, right, 30)).instance == 0)
+    x, _, width, _ = box_of(draw_rectangles((10, 20, right, 30)).instance == 0)
     assert x + width - 1 == last_column
 
 
 def test_row_06_the_top_of_the_picture_has_small_y():
-    mask = drawn((30, 2, 40, 8)).instance == 0
+    mask = draw_rectangles((30, 2, 40, 8)).instance == 0
     assert box_of(mask) == [30, 2, 10, 6]
 
 
 def test_row_09_one_pixel_and_a_line_of_one_pixel_are_kept_exactly():
-    seen = drawn((20.4, 30.4, 20.6, 30.6), (10, 50.45, 90, 50.55), (70.45, 5, 70.55, 45))
+    seen = draw_rectangles((20.4, 30.4, 20.6, 30.6), (10, 50.45, 90, 50.55), (70.45, 5, 70.55, 45))
     assert np.argwhere(seen.instance == 0).tolist() == [[30, 20]]
     assert box_of(seen.instance == 1) == [10, 50, 80, 1]
     assert (seen.instance == 1).sum() == 80
@@ -106,7 +106,7 @@ def test_row_10_what_shows_nothing_has_its_reason():
 
 
 def test_row_11_cut_by_the_border_stays_inside_the_picture():
-    seen = drawn((-40, -40, 12, 9), (90, 70, 500, 500))
+    seen = draw_rectangles((-40, -40, 12, 9), (90, 70, 500, 500))
     assert box_of(seen.instance == 0) == [0, 0, 12, 9]
     assert box_of(seen.instance == 1) == [90, 70, 10, 10]
 
@@ -125,7 +125,7 @@ def test_row_12_a_surface_outside_the_clip_range_lets_what_is_behind_be_seen():
 @pytest.mark.parametrize("z", [1.0, 9.0])
 def test_row_12_both_ends_of_the_clip_range_belong_to_it(z):
     camera = pixel_camera(SIZE, z_near=1.0, z_far=9.0)
-    turned = moved(np.eye(3), (0, 0, z))
+    turned = affine(np.eye(3), (0, 0, z))
     flat = mesh([(-9, -9, 0), (9, -9, 0), (0, 18, 0)], [(0, 1, 2)])
     seen = render(place([flat], [(0, turned, 0)]), camera, SIZE)
     assert np.all(seen.depth_z_m == np.float32(z))
@@ -147,7 +147,7 @@ def test_row_12_clipping_acts_on_samples_not_on_triangles():
 
 
 def test_row_13_masks_are_disjoint_and_fill_the_hit_mask():
-    seen = drawn((10, 10, 60, 60, 5.0), (40, 5, 80, 50, 4.0), (30, 30, 50, 70, 6.0))
+    seen = draw_rectangles((10, 10, 60, 60, 5.0), (40, 5, 80, 50, 4.0), (30, 30, 50, 70, 6.0))
     hit = np.isfinite(seen.depth_z_m)
     np.testing.assert_array_equal(seen.instance >= 0, hit)
     areas = [(seen.instance == i).sum() for i in range(3)]
@@ -177,7 +177,7 @@ def test_row_14_an_exact_duplicate_placed_otherwise_shows_the_lower_id_only():
     unit = mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 2, 3), (0, 1, 2)])
     tilt = np.array([[0.96, 0.0, 0.28], [0.0, 1.0, 0.0], [-0.28, 0.0, 0.96]])
     surfaces = place(
-        [wide, unit], [(0, moved(tilt, (0, 0, 7)), 1), (1, moved(2 * tilt, (0, 0, 7)), 0)]
+        [wide, unit], [(0, affine(tilt, (0, 0, 7)), 1), (1, affine(2 * tilt, (0, 0, 7)), 0)]
     )
     seen = render(surfaces, CAMERA, SIZE)
     assert np.unique(seen.instance).tolist() == [-1, 0]
@@ -204,7 +204,7 @@ def test_row_27_negative_and_uneven_scales_and_back_faces(scale):
     quad, triangles = pixel_rectangle(CAMERA, 10, 20, 50, 40, z=5.0)
     stretch = np.array(scale, float)
     surfaces = place(
-        [mesh(quad / stretch, triangles)], [(0, moved(np.diag(stretch), (0, 0, 0)), 0)]
+        [mesh(quad / stretch, triangles)], [(0, affine(np.diag(stretch), (0, 0, 0)), 0)]
     )
     seen = render(surfaces, CAMERA, SIZE)
     assert box_of(seen.instance == 0) == [10, 20, 40, 20]
@@ -234,7 +234,7 @@ def test_row_30_orthographic_depth_is_along_z():
 
 def test_depth_scale_multiplies_before_rounding():
     camera = pixel_camera(SIZE, z_far=1e5)
-    surfaces = place([sphere(20, 30)], [(0, moved(np.eye(3) * 1000, (0, 0, 4000.5)), 0)])
+    surfaces = place([sphere(20, 30)], [(0, affine(np.eye(3) * 1000, (0, 0, 4000.5)), 0)])
     plain = render(surfaces, camera, SIZE)
     metres = render(surfaces, camera, SIZE, depth_scale=0.001)
     hit = plain.instance == 0

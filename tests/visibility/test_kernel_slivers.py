@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from visibility import oracle
-from visibility.kernel_scenes import mesh, moved, pixel_camera, place, rotation
+from visibility.kernel_scenes import affine, mesh, pixel_camera, place, rotation
 
 from legoworld.visibility.kernel import LEVEL_VARIABLE, LEVELS, Cutouts, render
 
@@ -96,7 +96,7 @@ def test_triangles_without_area_show_nothing_and_hide_nothing(turned):
     start, step = np.array([-2.0, -1.0, -3.0]), np.array([0.125, 0.0625, 0.5])
     at = rng.integers(0, 40, size=(300, 3))
     lines = mesh((start + at.reshape(-1, 1) * step), np.arange(900))
-    matrix = moved(rotation(rng) if turned else np.eye(3), (0.1, 0.2, 2.0))
+    matrix = affine(rotation(rng) if turned else np.eye(3), (0.1, 0.2, 2.0))
     wall = needles(rng, CAMERA, 80, 12.0)
     alone = render(place([lines], [(0, matrix, 0)]), CAMERA, SIZE)
     assert (alone.instance == -1).all()

@@ -37,7 +37,7 @@ def plate(x, side, z):
     return pixel_rectangle(CAMERA, u - half, v - half, u + half, v + half, z)
 
 
-def counted(pairs):
+def count_pairs(pairs):
     rows = zip(pairs.hidden.tolist(), pairs.hiding.tolist(), pairs.count.tolist(), strict=True)
     return {(hidden, hiding): count for hidden, hiding, count in rows}
 
@@ -109,12 +109,12 @@ def test_what_hides_an_instance_adds_up_to_its_hidden_pixels(seed):
     for pairs in (occluders(layers), direct_occluders(layers)):
         hidden = np.bincount(pairs.hidden, weights=pairs.count, minlength=10)
         np.testing.assert_array_equal(hidden, area - visible)
-    for (i, j), count in counted(occluders(layers)).items():
+    for (i, j), count in count_pairs(occluders(layers)).items():
         front = layers.mask(HOLDOUT) & (seen.instance == -1) if j == HOLDOUT else seen.instance == j
         assert count == (layers.mask(i) & front).sum()
     assert visible[7] == 0  # the same triangles as 0, which wins ties
     assert area[7] == area[0]
-    assert counted(direct_occluders(layers)).get((7, 0)) == area[7]
+    assert count_pairs(direct_occluders(layers)).get((7, 0)) == area[7]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -143,28 +143,28 @@ def test_a_plate_in_front_of_the_middle_of_another():
     layers = amodal_layers(place([plate(0, 1, 2), plate(0, 0.5, 1)]), CAMERA, SIZE)
     assert amodal_areas(layers, 2).tolist() == [2500, 2500]
     assert visible_areas(layers, 2).tolist() == [0, 2500]
-    assert counted(occluders(layers)) == {(0, 1): 2500}
+    assert count_pairs(occluders(layers)) == {(0, 1): 2500}
 
 
 def test_a_plate_in_front_of_half_of_another():
     layers = amodal_layers(place([plate(0, 1, 2), plate(0.25, 0.5, 1)]), CAMERA, SIZE)
     assert amodal_areas(layers, 2).tolist() == [2500, 2500]
     assert visible_areas(layers, 2).tolist() == [1250, 2500]
-    assert counted(occluders(layers)) == {(0, 1): 1250}
+    assert count_pairs(occluders(layers)) == {(0, 1): 1250}
 
 
 def test_a_plate_half_outside_the_picture():
     layers = amodal_layers(place([plate(0, 1, 2), plate(0.5, 0.5, 1)]), CAMERA, SIZE)
     assert amodal_areas(layers, 2).tolist() == [2500, 1250]
     assert visible_areas(layers, 2).tolist() == [2500, 1250]
-    assert counted(occluders(layers)) == {}
+    assert count_pairs(occluders(layers)) == {}
 
 
 def test_direct_occluders_are_the_next_layer():
     plates = [plate(0, 0.24 * z, z) for z in (4, 3, 2)]  # all 24 pixels wide
     layers = amodal_layers(place(plates), CAMERA, SIZE)
-    assert counted(occluders(layers)) == {(0, 2): 576, (1, 2): 576}
-    assert counted(direct_occluders(layers)) == {(0, 1): 576, (1, 2): 576}
+    assert count_pairs(occluders(layers)) == {(0, 2): 576, (1, 2): 576}
+    assert count_pairs(direct_occluders(layers)) == {(0, 1): 576, (1, 2): 576}
     near = layers.nearest(2)
     assert near.start[-1] == 1152
     assert set(near.instance.tolist()) == {1, 2}
@@ -177,7 +177,7 @@ def test_pairs_of_ids_that_lie_far_apart():
         named = dataclasses.replace(surfaces, placement_id=np.array(ids, np.int32))
         far, middle, near = ids
         expected = {(far, near): 576, (middle, near): 576}
-        assert counted(occluders(amodal_layers(named, CAMERA, SIZE))) == expected
+        assert count_pairs(occluders(amodal_layers(named, CAMERA, SIZE))) == expected
 
 
 def test_no_instances_and_instances_beside_the_picture():
@@ -187,7 +187,7 @@ def test_no_instances_and_instances_beside_the_picture():
     beside = amodal_layers(place([plate(9, 1, 2)]), CAMERA, SIZE)
     assert bytes_of(beside) == bytes_of(nothing)
     assert amodal_areas(beside, 1).tolist() == visible_areas(beside, 1).tolist() == [0]
-    assert counted(occluders(beside)) == {}
+    assert count_pairs(occluders(beside)) == {}
 
 
 @pytest.mark.parametrize("seed", range(6))

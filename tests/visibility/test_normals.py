@@ -8,10 +8,10 @@ from visibility import oracle
 from visibility.kernel_hits import triangles
 from visibility.kernel_scenes import (
     HOLDOUT,
+    affine,
     ball_pit,
     jumble,
     mesh,
-    moved,
     pixel_camera,
     pixel_rectangle,
     place,
@@ -118,8 +118,8 @@ def test_small_triangles_drawn_in_many_rounds():
 def test_the_share_flipped_counts_backs_and_a_mirror_turns_nothing():
     vertices, triangles = pixel_rectangle(CAMERA, 20, 10, 100, 50)
     card, turned = (vertices, triangles), (vertices, triangles[:, ::-1].copy())
-    mirror = moved(np.diag([-1.0, 1, 1]), (0, 0, 0))
-    still = moved(np.eye(3), (0, 0, 0))
+    mirror = affine(np.diag([-1.0, 1, 1]), (0, 0, 0))
+    still = affine(np.eye(3), (0, 0, 0))
     shares = {}
     for name, shape in (("card", card), ("turned", turned)):
         for how, matrix in (("still", still), ("mirrored", mirror)):

@@ -23,7 +23,7 @@ SIZE = (64, 48)
 NO_LABELS = Labels(objects={}, collections={}, warnings=())
 
 
-def projected(camera, x, y, z):
+def project_point(camera, x, y, z):
     depth = 1.0 if camera.orthographic else z
     return camera.cx + camera.fx * x / depth, camera.cy + camera.fy * y / depth
 
@@ -53,7 +53,7 @@ def cards(**columns):
     )
 
 
-def seen(snapshot, size_wh=SIZE):
+def view_snapshot(snapshot, size_wh=SIZE):
     grouping = group(snapshot, NO_LABELS)
     result = view(snapshot, grouping, size_wh)
     ids = {instance.name: instance.id for instance in grouping.instances}
@@ -83,17 +83,17 @@ def test_the_sensor_spans_the_side_it_is_fitted_to(
     distance = 3.0
     half = ortho_scale / 2 if kind == "ORTHO" else distance * sensor / 2 / lens_mm
     if horizontal:
-        assert projected(made, half, 0, distance) == pytest.approx((width, height / 2))
-        assert projected(made, -half, 0, distance) == pytest.approx((0, height / 2))
+        assert project_point(made, half, 0, distance) == pytest.approx((width, height / 2))
+        assert project_point(made, -half, 0, distance) == pytest.approx((0, height / 2))
     else:
-        assert projected(made, 0, half, distance) == pytest.approx((width / 2, height))
-        assert projected(made, 0, -half, distance) == pytest.approx((width / 2, 0))
+        assert project_point(made, 0, half, distance) == pytest.approx((width / 2, height))
+        assert project_point(made, 0, -half, distance) == pytest.approx((width / 2, 0))
     # A square in the scene covers wide / high times as many pixels downwards as across.
     assert made.fy / made.fx == pytest.approx(wide / high)
     assert (made.orthographic, made.z_near, made.z_far) == (kind == "ORTHO", 0.3, 70.0)
     shifted = projection(replace(camera, shift_x=0.25, shift_y=-0.5), render, size_wh)
     x, y = (0.25 * 2 * half, 0.5 * 2 * half)  # a shift of 1 is the whole fitted side
-    assert projected(shifted, x, y, distance) == pytest.approx((width / 2, height / 2))
+    assert project_point(shifted, x, y, distance) == pytest.approx((width / 2, height / 2))
 
 
 @given(id_pictures())
@@ -117,7 +117,7 @@ def test_an_id_beyond_the_instances_is_refused():
 def test_depth_is_in_metres_and_areas_are_of_the_picture():
     snapshot = cards(Near=(-1, 0, 1, 4), Far=(0, 0, 50, 8))
     snapshot = replace(snapshot, render=replace(RENDER, unit_scale=0.25))
-    _, result, ids = seen(snapshot)
+    _, result, ids = view_snapshot(snapshot)
     instance = result.buffers.instance
     assert result.size_wh == SIZE
     # x of -2 .. 0 at a distance of 4 is the left half of the picture's middle 32 rows.
@@ -144,17 +144,17 @@ def cut(snapshot, texels, uv, **changes):
 UV = [[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]]
 
 
-def shown(snapshot):
-    return seen(snapshot)[1].buffers.instance == 0
+def first_mask(snapshot):
+    return view_snapshot(snapshot)[1].buffers.instance == 0
 
 
 def test_a_picture_s_alpha_cuts_a_card():
     card = cards(Card=(0, 0, 1, 4))
     expected = np.zeros((48, 64), bool)
     expected[8:40, 16:48] = True
-    np.testing.assert_array_equal(shown(card), expected)
+    np.testing.assert_array_equal(first_mask(card), expected)
     expected[:, 32:] = False
-    np.testing.assert_array_equal(shown(cut(card, [[255, 0]], UV)), expected)
+    np.testing.assert_array_equal(first_mask(cut(card, [[255, 0]], UV)), expected)
 
 
 @pytest.mark.parametrize(
@@ -169,36 +169,36 @@ def test_a_picture_s_alpha_cuts_a_card():
 def test_what_lies_beside_the_picture_is_by_its_wrap(wrap, columns):
     twice = np.array(UV) * [2, 1]  # u runs from 0 to 2, and the picture's first half is there
     card = cut(cards(Card=(0, 0, 1, 4)), [[255, 0]], twice, wrap=wrap)
-    assert np.flatnonzero(shown(card).any(axis=0)).tolist() == [*columns]
+    assert np.flatnonzero(first_mask(card).any(axis=0)).tolist() == [*columns]
 
 
 def test_the_border_goes_on_under_extend_and_ends_under_clip():
     twice = np.array(UV) * [2, 1]
     card = cut(cards(Card=(0, 0, 1, 4)), [[255]], twice, wrap="extend")
-    assert shown(card).sum() == 32 * 32
-    assert shown(cut(card, [[255]], twice, wrap="clip")).sum() == 16 * 32
+    assert first_mask(card).sum() == 32 * 32
+    assert first_mask(cut(card, [[255]], twice, wrap="clip")).sum() == 16 * 32
 
 
 def test_alpha_runs_from_texel_centre_to_texel_centre_where_it_is_linear():
     card = cut(cards(Card=(0, 0, 1.5, 4)), [[255, 255, 255, 90]], UV, wrap="extend")
-    assert shown(card).sum() == 36 * 48
+    assert first_mask(card).sum() == 36 * 48
     # Texel centres at u = 0.625 and 0.875: alpha falls to a half at u = 0.818, 39.3 pixels of 48.
     linear = cut(card, [[255, 255, 255, 90]], UV, wrap="extend", interpolation="linear")
-    assert shown(linear).sum() == 39 * 48
+    assert first_mask(linear).sum() == 39 * 48
 
 
 @pytest.mark.parametrize(("sides", "there"), [("both", True), ("front", False), ("back", True)])
 def test_a_side_that_is_not_there(sides, there):
     # The corners run clockwise as the camera sees them: it looks at the back.
     card = cut(cards(Card=(0, 0, 1, 4)), [[255]], UV, sides=sides)
-    assert shown(card).any() == there
+    assert first_mask(card).any() == there
 
 
 def test_alpha_of_corners_is_multiplied():
     card = cut(cards(Card=(0, 0, 1, 4)), [[255]], UV)
     # 1 on the left, 0 on the right: from the middle on it is below the threshold.
     corners = np.array([[1, 0, 0], [1, 0, 1]], np.float32)
-    columns = shown(replace(card, corner_alpha=corners)).any(axis=0)
+    columns = first_mask(replace(card, corner_alpha=corners)).any(axis=0)
     assert np.flatnonzero(columns).tolist() == [*range(16, 32)]
 
 
@@ -209,7 +209,7 @@ def test_a_holdout_hides_and_is_not_seen():
     snapshot = replace(
         snapshot, surface_holdout=is_mask[snapshot.surface_occurrence].astype(np.uint8)
     )
-    grouping, result, ids = seen(snapshot)
+    grouping, result, ids = view_snapshot(snapshot)
     assert (result.buffers.instance[8:40, :32] == -1).all()
     assert np.isinf(result.buffers.depth_z_m[8:40, :32]).all()
     assert (result.buffers.instance == ids["Wall"]).sum() == 64 * 48 - 32 * 32
@@ -221,7 +221,7 @@ def test_every_reason_has_its_word():
         Wall=(0, 0, 5, 8), Hidden=(0, 0, 1, 9), Far=(0, 0, 500, 101), Behind=(0, 0, 1, -3),
         Beside=(40, 0, 1, 9), Flat=(0, 0, 0, 4), Tiny=(0.01, 0.01, 1e-4, 4),
     )  # fmt: skip
-    grouping, result, ids = seen(snapshot)
+    grouping, result, ids = view_snapshot(snapshot)
     assert unseen_reasons(snapshot, grouping, result) == {
         ids["Hidden"]: "hidden",
         ids["Far"]: "beyond_clip_end",

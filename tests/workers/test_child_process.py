@@ -25,7 +25,7 @@ def running(program: str, **options) -> closing[ChildProcess]:
     return closing(ChildProcess([sys.executable, "-c", program], os.environ, **options))
 
 
-def gone(process: ChildProcess) -> bool:
+def has_ended(process: ChildProcess) -> bool:
     """Whether all that held its standard output has ended."""
     return process.answers(LONG_S) and process.stdout.read() == b""
 
@@ -50,7 +50,7 @@ def test_what_it_started_ends_with_it_when_it_ends_by_itself():
         process.stdout.readline()
         process.send(b"\n")
         assert process.exit_code(within_s=LONG_S) == 0
-        assert gone(process)
+        assert has_ended(process)
 
 
 def test_what_it_started_is_killed_with_it():
@@ -60,7 +60,7 @@ def test_what_it_started_is_killed_with_it():
         assert process.exit_code() is None
         process.end()
         assert process.how_it_ended() == "signal 9"
-        assert gone(process)
+        assert has_ended(process)
 
 
 def test_one_that_is_dropped_ends_with_what_it_started():

@@ -86,7 +86,7 @@ def lost(item: int, what: str) -> int:
 def test_every_item_is_done_once_by_as_many_workers_as_there_is_work_for(workers):
     books = Books()
     items = [*range(7)]
-    results = [*run_local(Job(make=books.make, lost=lost), items, workers)]
+    results = [*run_local(Job(make=books.make, lost_result=lost), items, workers)]
     assert sorted(results) == [i * i for i in items]
     assert len(books.made) == min(workers, 7)
     assert sorted(item for worker in books.made for item in worker.items) == items
@@ -96,13 +96,15 @@ def test_every_item_is_done_once_by_as_many_workers_as_there_is_work_for(workers
 @pytest.mark.parametrize("workers", [0, 1])
 def test_nothing_to_do_is_no_result(workers):
     books = Books()
-    assert [*run_local(Job(make=books.make, lost=lost), [], workers)] == []
+    assert [*run_local(Job(make=books.make, lost_result=lost), [], workers)] == []
     assert books.count("closed") == [1]
 
 
 def test_who_stops_early_aborts_what_is_being_done():
     books = Books()
-    with closing(run_local(Job(make=books.make, lost=lost), [3, -1, -2, 4, 5], 2)) as results:
+    with closing(
+        run_local(Job(make=books.make, lost_result=lost), [3, -1, -2, 4, 5], 2)
+    ) as results:
         assert next(results) == 9
     assert all(books.count("aborted"))
     assert books.count("closed") == [1, 1]
@@ -120,7 +122,7 @@ def test_what_a_worker_raises_ends_the_batch_and_closes_all():
         return books.made[-1]
 
     with pytest.raises(OSError, match="the disk is full"):
-        next(run_local(Job(make=make, lost=lost), [1, 2, 3], 2))
+        next(run_local(Job(make=make, lost_result=lost), [1, 2, 3], 2))
     assert books.count("closed") == [1, 1]
 
 
@@ -192,7 +194,7 @@ class Echo:
 def by_ray(monkeypatch: pytest.MonkeyPatch, items: list[Any], workers: int) -> tuple[HereRay, Any]:
     ray = HereRay()
     monkeypatch.setitem(sys.modules, "ray", ray)
-    job = Job(make=Echo, lost=lambda item, what: ("lost", item, what))
+    job = Job(make=Echo, lost_result=lambda item, what: ("lost", item, what))
     return ray, run_ray(job, items, workers)
 
 

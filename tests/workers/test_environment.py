@@ -74,7 +74,7 @@ def test_what_is_declared_is_passed_and_recorded_by_name(tmp_path):
     caller = {**SECRETS, "HOME": "/home/me"}
     declared = ("HF_TOKEN", "NOT_SET")
     got = child_environment(
-        ChildKind.MODEL, home=tmp_path, temporary=tmp_path, declared=declared, caller=caller
+        ChildKind.MODEL, home=tmp_path, temporary=tmp_path, variables=declared, caller=caller
     )
     assert got["HF_TOKEN"] == "hidden-2"
     assert "OPENAI_API_KEY" not in got
@@ -101,8 +101,8 @@ def test_a_baselines_process_sees_only_what_its_card_declares(tmp_path, monkeypa
     )  # fmt: skip
     with BaselineProcess(
         card, Path(sys.executable), request, print,
-        output=tmp_path, confined=confine_baseline(card, "", "limits", offline=True),
-        declared=card.about.variables,
+        output=tmp_path, confinement=confine_baseline(card, "", "limits", offline=True),
+        variables=card.about.variables,
     ) as process:  # fmt: skip
         message = process.next_message(None)
     seen = message.provenance

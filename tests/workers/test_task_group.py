@@ -48,7 +48,7 @@ def groups_of(place: Path, pid: int) -> list[Path]:
 
 def run(confinement: str, scratch: Path, program: str, *, counted: bool) -> Ending:
     scratch.mkdir()
-    held = replace(protections(confinement), counted=counted)  # pyright: ignore[reportArgumentType]
+    held = replace(protections(confinement), task_group=counted)  # pyright: ignore[reportArgumentType]
     limits = SandboxLimits(time_s=300.0, memory_bytes=1 << 30, processes=20)
     with Sandbox(scratch, limits, held, owner=scratch) as sandbox:
         sandbox.start([sys.executable, "-c", textwrap.dedent(program)], [])

@@ -23,7 +23,7 @@ def importable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
 
 
-def squared(n: int) -> tuple[int, int]:
+def square(n: int) -> tuple[int, int]:
     time.sleep(0.002 * (7 - n % 8))  # the first ones are ready last
     print("not an answer")
     return n * n, os.getpid()
@@ -70,7 +70,7 @@ class Lazy(Sequence[int]):
 
 @pytest.mark.parametrize("pool", POOLS)
 def test_results_come_in_the_items_order(pool):
-    found = list(map_items(squared, range(40), pool))
+    found = list(map_items(square, range(40), pool))
     assert [square for square, _ in found] == [n * n for n in range(40)]
     processes = {process for _, process in found}
     assert (os.getpid() in processes) == pool.in_process
@@ -98,7 +98,7 @@ def test_a_process_that_ends_is_an_error_with_its_last_words():
 
 def test_items_are_taken_when_a_worker_is_free():
     items = Lazy(5000)
-    results = map_items(squared, items, WorkerPool(workers=2))
+    results = map_items(square, items, WorkerPool(workers=2))
     next(results)
     assert items.taken < 5000
     results.close()
@@ -113,7 +113,7 @@ def test_what_is_too_little_for_another_process():
 
 
 def test_an_aborted_process_answers_no_more():
-    process = TaskProcess(squared)
+    process = TaskProcess(square)
     assert process.call(3)[0] == 9
     process.abort()
     for _ in range(2):

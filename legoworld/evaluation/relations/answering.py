@@ -55,7 +55,7 @@ def read_answer(question: Question, given: Json) -> Reply:
 def _one(base: FactBase, question: Question, name: str) -> FactObject:
     """The one thing that the question names as a or b."""
     designator = getattr(question, name)
-    found = base.named(designator)
+    found = base.designated_objects(designator)
     if not found:
         raise _NoAnswerError("not_there")
     if len(found) > 1:
@@ -89,7 +89,7 @@ def _holds(question: Question, base: FactBase) -> bool:
     if question.any:
         if question.a == question.b:
             raise _NoAnswerError("named_twice")
-        of_both = base.named(question.a), base.named(question.b)
+        of_both = base.designated_objects(question.a), base.designated_objects(question.b)
         if not all(of_both):
             raise _NoAnswerError("not_there")
         pairs = [(a.id, b.id) for a, b in itertools.product(*of_both)]
@@ -111,7 +111,7 @@ def _closest(question: Question, base: FactBase) -> str:
 
 def _least(question: Question, base: FactBase, of: Callable[[int], float]) -> str:
     """The option with the least value, among those that name one thing."""
-    found = [(name, base.named(name)) for name in question.options]
+    found = [(name, base.designated_objects(name)) for name in question.options]
     values = [(of(things[0].id), describe(name)) for name, things in found if len(things) == 1]
     if not values:
         raise _NoAnswerError("not_there")
@@ -125,7 +125,7 @@ def _distance(question: Question, base: FactBase) -> float:
 def _refer(question: Question, base: FactBase) -> Answered:
     if question.b is None:
         return _one(base, question, "a").bbox_xywh_px
-    anchor, things = _one(base, question, "b"), base.named(question.a)
+    anchor, things = _one(base, question, "b"), base.designated_objects(question.a)
     found = [t for t in things if _any_holds(base, question.relation, [(t.id, anchor.id)])]
     if len(found) != 1:
         raise _NoAnswerError("ambiguous" if found else "not_there")
@@ -133,8 +133,8 @@ def _refer(question: Question, base: FactBase) -> Answered:
 
 
 _ANSWERS: Final[Mapping[str, Callable[[Question, FactBase], Answered]]] = {
-    "exists": lambda question, base: bool(base.named(question.a)),
-    "count": lambda question, base: len(base.named(question.a)),
+    "exists": lambda question, base: bool(base.designated_objects(question.a)),
+    "count": lambda question, base: len(base.designated_objects(question.a)),
     "nearest_to": _nearest,
     "closest_to_camera": _closest,
     "distance": _distance,

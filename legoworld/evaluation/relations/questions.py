@@ -81,7 +81,7 @@ class _Asker:
         names: dict[int, Designator] = {}
         for thing in filter(_is_seen, self.base.facts.objects):
             for name in _names_in(thing.category):
-                if self.base.named(name, clearly=True) == [thing]:
+                if self.base.designated_objects(name, clearly=True) == [thing]:
                     names.setdefault(thing.id, name)
         return names
 
@@ -131,7 +131,7 @@ class _Asker:
         phrase = RELATIONS[relation].phrase
         named = {i: name for i, name in self.names.items() if not _gives_away(relation, name)}
         for a, b in itertools.permutations(named, 2):
-            holds = self.base.asked(relation, a, b)
+            holds = self.base.clear_answer(relation, a, b)
             if holds is not None and _reads_well(self.base, relation, a, b, holds=holds):
                 text = f"Is {describe(named[a])} {phrase} {describe(named[b])}?"
                 yield self._ask(
@@ -178,7 +178,7 @@ class _Asker:
         """Which of several things is closest to the camera."""
         names = [a for a, name in self.names.items() if not _gives_away("in_front_of", name)]
         for a in names:
-            behind = [b for b in names if b != a and self.base.asked("in_front_of", a, b)]
+            behind = [b for b in names if b != a and self.base.clear_answer("in_front_of", a, b)]
             if len(behind) >= OPTIONS - 1:
                 text = "Which is closest to the camera"
                 yield self._choice("closest_to_camera", text, a, behind)
@@ -222,11 +222,11 @@ class _Asker:
         """The box of a thing that an expression singles out among several of its category."""
         for thing in filter(_is_seen, self.base.facts.objects):
             plain, *several = _names_in(thing.category)
-            n = len(self.base.named(plain))
+            n = len(self.base.designated_objects(plain))
             found: list[tuple[str, Designator, int | None]] = [
                 (name.which, name, None)
                 for name in several
-                if n > 1 and self.base.named(name, clearly=True) == [thing]
+                if n > 1 and self.base.designated_objects(name, clearly=True) == [thing]
             ]
             found += [
                 (relation, plain, b)
@@ -245,7 +245,7 @@ class _Asker:
         """Whether it holds of this thing and clearly of no other of its category."""
         things = self.base.of_category(thing.category)
         return b not in {other.id for other in things} and all(
-            self.base.asked(relation, other.id, b) is (other is thing) for other in things
+            self.base.clear_answer(relation, other.id, b) is (other is thing) for other in things
         )
 
     def _is_whole(self, a: int) -> bool:

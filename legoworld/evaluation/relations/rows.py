@@ -205,7 +205,7 @@ def _own_boxes(one: TrueAnswer, base: FactBase | None) -> tuple[tuple[int, int, 
     """The boxes of what a statement names, where a scene has one of each."""
     if base is None or one.question.b is None:
         return ()
-    found = [base.named(name) for name in (one.question.a, one.question.b)]
+    found = [base.designated_objects(name) for name in (one.question.a, one.question.b)]
     return tuple(things[0].bbox_xywh_px for things in found) if all(found) else ()
 
 

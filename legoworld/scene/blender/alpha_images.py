@@ -39,7 +39,7 @@ class ImageSource:
 
 
 def image_source(source: Feed) -> ImageSource:
-    """What an image node gives. Raises UnreadableAlphaError for what no lookup by UV map is."""
+    """The UV lookup of an image node. UnreadableAlphaError for any other projection or source."""
     node = source.node
     image = node.image
     if image is None or image.source not in ("FILE", "GENERATED"):

@@ -188,12 +188,12 @@ def _map_range(source: Feed) -> Value:
         "Value", "From Min", "From Max", "To Min", "To Max"
     )]  # fmt: skip
 
-    def mapped(x: float, from_0: float, from_1: float, to_0: float, to_1: float) -> float:
+    def map_range(x: float, from_0: float, from_1: float, to_0: float, to_1: float) -> float:
         share = (x - from_0) / (from_1 - from_0) if from_1 != from_0 else 0.0
         result = to_0 + share * (to_1 - to_0)
         return min(max(result, min(to_0, to_1)), max(to_0, to_1)) if node.clamp else result
 
-    return lift_operation(mapped, *inputs)
+    return lift_operation(map_range, *inputs)
 
 
 def _ramp(source: Feed) -> Value:

@@ -24,7 +24,7 @@ _NOTHING_M: Final = 1e9
 _PASSES: Final = ("Depth", "Object Index")
 
 
-def surface_by_card(blend: Path, wanted: CardRequest) -> dict[str, NDArray[Any]]:
+def surface_by_card(blend: Path, request: CardRequest) -> dict[str, NDArray[Any]]:
     """depth_z: (H, W) planar depth in scene units, +inf where nothing is met; object: (H, W) int32.
 
     object_names: JSON, `identity` of each; the n-th is n % MOST_OBJECTS in `object`.
@@ -33,7 +33,7 @@ def surface_by_card(blend: Path, wanted: CardRequest) -> dict[str, NDArray[Any]]
     and what follows the first surface are left out: they do not change it. Raises as
     `render_by_card`.
     """
-    scene = open_by_card(blend, {**wanted, "samples": 1, "denoise": False})
+    scene = open_by_card(blend, {**request, "samples": 1, "denoise": False})
     refuse_missing_camera(scene)
     cycles = scene.cycles
     cycles.max_bounces, cycles.tile_size = 0, 8192
@@ -50,7 +50,7 @@ def surface_by_card(blend: Path, wanted: CardRequest) -> dict[str, NDArray[Any]]
         thing.pass_index = number % MOST_OBJECTS
     with _keeping_passes() as kept:
         render_scene(scene, write_still=False)
-    depth, index = kept[-1].reshape(2, wanted["size_wh"][1], wanted["size_wh"][0])[:, ::-1]
+    depth, index = kept[-1].reshape(2, request["size_wh"][1], request["size_wh"][0])[:, ::-1]
     names = json.dumps([identity(thing) for thing in objects]).encode()
     return {
         "depth_z": np.where(depth < _NOTHING_M, depth, np.float32(np.inf)),

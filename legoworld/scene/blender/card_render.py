@@ -54,36 +54,36 @@ _CYCLES: Final[dict[str, Any]] = {
 }
 
 
-def render_by_card(blend: Path, output: Path, wanted: CardRequest) -> None:
+def render_by_card(blend: Path, output: Path, request: CardRequest) -> None:
     """Render a .blend's active camera to an 8-bit RGB PNG.
 
-    wanted: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture
+    request: "size_wh", "samples", "seed", "denoise" and "threads" (0: all). What makes the picture
     is the scene's own: camera, geometry, materials, lights, world, bounces, exposure and view
     transform; the rest is the card's. With "stand" the camera is put elsewhere before. Raises what
     `open_blend` does, NoCameraError, and SceneInvalidError for a scene that Blender refuses to
     render.
     """
-    scene = open_by_card(blend, wanted)
-    if "stand" in wanted:
-        _stand(scene, wanted["stand"])
+    scene = open_by_card(blend, request)
+    if "stand" in request:
+        _stand(scene, request["stand"])
     _write_png(scene, output)
 
 
-def open_by_card(blend: Path, wanted: CardRequest) -> bpy.types.Scene:
+def open_by_card(blend: Path, request: CardRequest) -> bpy.types.Scene:
     """The scene of a .blend, set up as the card says."""
     scene = open_blend(blend).scene
     refuse_missing_camera(scene)
     render = scene.render
     for name, value in _RENDER.items():
         setattr(render, name, value)
-    render.resolution_x, render.resolution_y = wanted["size_wh"]
-    render.threads_mode = "FIXED" if wanted["threads"] else "AUTO"
-    if wanted["threads"]:
-        render.threads = wanted["threads"]
+    render.resolution_x, render.resolution_y = request["size_wh"]
+    render.threads_mode = "FIXED" if request["threads"] else "AUTO"
+    if request["threads"]:
+        render.threads = request["threads"]
     for name, value in _CYCLES.items():
         setattr(scene.cycles, name, value)
-    scene.cycles.samples, scene.cycles.seed = wanted["samples"], wanted["seed"]
-    if wanted["denoise"]:
+    scene.cycles.samples, scene.cycles.seed = request["samples"], request["seed"]
+    if request["denoise"]:
         scene.cycles.use_denoising = True
         scene.cycles.denoiser = "OPENIMAGEDENOISE"
         scene.cycles.denoising_use_gpu = False

@@ -45,13 +45,13 @@ class _Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshCutter:
-    """Applies alpha rules to one mesh. shown: the evaluated object that shows it.
+    """Applies alpha rules to one mesh. evaluated_object: its object in the depsgraph.
 
     unread: grows by what was taken as opaque: a rule's number, and why.
     """
 
     mesh: bpy.types.Mesh
-    shown: bpy.types.Object
+    evaluated_object: bpy.types.Object
     alphas: AlphaTable
     warnings: set[str]
     unread: set[tuple[int, str]]
@@ -59,9 +59,9 @@ class MeshCutter:
     def cut(
         self, triangles: Triangles, rules: NDArray[np.int32]
     ) -> tuple[Triangles, TriangleCuts | None]:
-        """The remaining triangles; their rules (T,) are numbers of the table.
+        """The remaining triangles, and the rule of each, (T,) indices of the table.
 
-        They keep their order; one that two rules apply to, by its sides, stands there twice.
+        Order is kept. A triangle with a different rule on each side is listed twice.
         """
         pieces: list[_Piece] = []
         for number in np.unique(rules).tolist():
@@ -97,7 +97,7 @@ class MeshCutter:
         chosen = Triangles(vertices=triangles.vertices[place], corners=triangles.corners[place])
         source = rule.source
         attribute = source.attribute if isinstance(source, ProductSource) else source
-        values = corner_values(self.mesh, self.shown, attribute, chosen)
+        values = corner_values(self.mesh, self.evaluated_object, attribute, chosen)
         low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
         if low == high:
             return self._pieces(triangles, place, _at_constant(rule, low), sides)

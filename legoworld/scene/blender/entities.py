@@ -17,10 +17,10 @@ _VISIBILITY: Final = ("hide_", "visible_", "is_holdout", "is_shadow_catcher", "i
 
 
 def scene_states(scene: bpy.types.Scene) -> tuple[list[EntityState], dict[str, str]]:
-    """The file's objects without their placements, and hashes of what is of the scene itself.
+    """The file's objects without placements, and hashes of the scene's own settings.
 
-    Objects are sorted by name and library; those of instanced collections and of other scenes are
-    among them: a scene may show them, too. Hashes: the active camera, the render settings, the
+    Objects are sorted by name and library; those of instanced collections and other scenes are
+    included, since a scene may show them. Hashes: the active camera, the render settings, the
     world and the collections.
     """
     holders: dict[int, list[str]] = {}

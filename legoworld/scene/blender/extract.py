@@ -42,11 +42,11 @@ def read_blend_snapshot(
     return read_open_snapshot(opened, corner_normals=corner_normals)
 
 
-def read_open_snapshot(opened: OpenFile, *, corner_normals: bool = False) -> Snapshot:
+def read_open_snapshot(open_file: OpenFile, *, corner_normals: bool = False) -> Snapshot:
     """`read_blend_snapshot` of a file that is open. Changes its render settings."""
-    scene, warnings = opened.scene, opened.warnings
-    if opened.n_scenes > 1:
-        warnings.append(f"the file holds {opened.n_scenes} scenes; read: {scene.name!r}")
+    scene, warnings = open_file.scene, open_file.warnings
+    if open_file.n_scenes > 1:
+        warnings.append(f"the file holds {open_file.n_scenes} scenes; read: {scene.name!r}")
     render = _render_settings(scene)
     layers = [layer.name for layer in scene.view_layers if layer.use]
     if len(layers) > 1:
@@ -68,7 +68,7 @@ def read_open_snapshot(opened: OpenFile, *, corner_normals: bool = False) -> Sna
 
 
 def _assemble(
-    walked: Walk,
+    walk: Walk,
     cameras: tuple[SceneCamera, ...],
     render: RenderSettings,
     scene: bpy.types.Scene,
@@ -76,32 +76,32 @@ def _assemble(
     *,
     corner_normals: bool,
 ) -> Snapshot:
-    if not walked.meshes:
+    if not walk.meshes:
         raise NoMeshError(
             "nothing in the scene renders as a surface",
             found=f"{len(scene.objects)} objects, none with a visible face",
             expected="at least one mesh that is not hidden from rendering",
             next_step="check hide_render, collection exclusion and material alpha",
         )
-    met = {s.object for s in walked.seen} | {s.top for s in walked.seen}
-    objects, collections, object_index = scene_tree(scene, met, walked.warnings)
-    placements = resolve_placements(walked.seen, walked.generators, object_index)
-    meshes = [walked.meshes[i] for i in placements.mesh_order]
+    met = {s.object for s in walk.graph_entries} | {s.top for s in walk.graph_entries}
+    objects, collections, object_index = scene_tree(scene, met, walk.warnings)
+    placements = resolve_placements(walk.graph_entries, walk.generators, object_index)
+    meshes = [walk.meshes[i] for i in placements.mesh_order]
     arrays: dict[str, Any] = dict(placements.arrays)
     return Snapshot(
         objects=objects,
         collections=collections,
         camera=cameras[0],
         cameras=cameras[1:],
-        for_camera=walked.for_camera,
+        for_camera=walk.for_camera,
         render=render,
-        warnings=(*warnings, *sorted(walked.warnings)),
+        warnings=(*warnings, *sorted(walk.warnings)),
         vertices=np.concatenate([m.vertices for m in meshes]),
         triangles=np.concatenate([m.triangles for m in meshes]),
         vertex_start=np.cumsum([0] + [len(m.vertices) for m in meshes], dtype=np.int64),
         triangle_start=np.cumsum([0] + [len(m.triangles) for m in meshes], dtype=np.int64),
         **arrays,
-        **_cutouts(walked.alphas, meshes),
+        **_cutouts(walk.alphas, meshes),
         corner_normal=np.concatenate([_mesh_normals(m) for m in meshes])
         if corner_normals
         else None,

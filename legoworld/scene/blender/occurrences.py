@@ -43,7 +43,7 @@ class Walk:
     for_camera: whether hair or points were meshed as one camera sees them.
     """
 
-    seen: list[GraphEntry] = field(default_factory=list)
+    graph_entries: list[GraphEntry] = field(default_factory=list)
     meshes: list[CopiedMesh] = field(default_factory=list)
     alphas: AlphaTable = field(default_factory=AlphaTable)
     generators: dict[Identity, Generator] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class _Walker:
             camera=camera,
             camera_object=depsgraph.scene_eval.camera,
             curve_settings=depsgraph.scene_eval.cycles_curves,
-            drawn=depsgraph.view_layer_eval.use_strand,
+            renders_hair=depsgraph.view_layer_eval.use_strand,
             meshes=self.result.meshes,
             alphas=self.result.alphas,
             warnings=self.result.warnings,
@@ -88,8 +88,8 @@ class _Walker:
         for instance in self.depsgraph.object_instances:
             self._see(instance)
         self.result.generators = self.objects.generators
-        self.result.for_camera = self.thin.made
-        _refuse_broken_matrices(self.result.seen)
+        self.result.for_camera = self.thin.has_thin_meshes
+        _refuse_broken_matrices(self.result.graph_entries)
         return self.result
 
     def _see(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
@@ -111,11 +111,11 @@ class _Walker:
         visible, held_out = _camera_sees(facts, holder), holder.holdout
         if visible and instance.show_self:
             entry = self._entry_with_shown(entry, shown, matrix, held_out=held_out)
-        self.result.seen.append(entry)
+        self.result.graph_entries.append(entry)
         if visible and instance.show_particles and shown.type == "MESH" and _owns(real, shown):
             mesh, holdout = self.thin.hair(real, matrix, self._rules(shown), held_out=held_out)
             if mesh >= 0 or holdout >= 0:
-                self.result.seen.append(replace(entry, mesh=mesh, holdout_mesh=holdout))
+                self.result.graph_entries.append(replace(entry, mesh=mesh, holdout_mesh=holdout))
 
     def _entry_with_shown(
         self,
@@ -226,7 +226,7 @@ class _Walker:
         """Keep these triangles of a mesh as a mesh of their own; `NO_MESH` when there are none."""
         left, cuts = MeshCutter(
             mesh=shown.data,
-            shown=shown,
+            evaluated_object=shown,
             alphas=self.result.alphas,
             warnings=self.result.warnings,
             unread=unread,
@@ -269,8 +269,8 @@ def _owns(real: bpy.types.Object, shown: bpy.types.Object) -> bool:
     return bool(hair_systems(real)) and real.data.as_pointer() == shown.data.as_pointer()
 
 
-def _refuse_broken_matrices(seen: list[GraphEntry]) -> None:
-    shows = [s for s in seen if s.mesh >= 0 or s.holdout_mesh >= 0 or s.scatter is not None]
+def _refuse_broken_matrices(entries: list[GraphEntry]) -> None:
+    shows = [s for s in entries if s.mesh >= 0 or s.holdout_mesh >= 0 or s.scatter is not None]
     rows = np.array([s.world_from_mesh for s in shows], np.float64).reshape(-1, 12)
     broken = np.flatnonzero(~(np.abs(rows) <= LARGEST_COORDINATE).all(1))
     if not len(broken):

@@ -82,7 +82,7 @@ class Placements:
 
 
 def resolve_placements(
-    seen: list[GraphEntry],
+    entries: list[GraphEntry],
     generators: Mapping[Identity, Generator],
     object_index: Mapping[Identity, int],
 ) -> Placements:
@@ -92,7 +92,7 @@ def resolve_placements(
     same occurrence. The order is by the names and placements that lead to an occurrence, from the
     outermost instancer inwards: the order in which a collection lists its members is not in it.
     """
-    ordered = sorted(seen, key=lambda s: (s.top, s.path, s.object))
+    ordered = sorted(entries, key=lambda s: (s.top, s.path, s.object))
     resolver = _Resolver(ordered, generators, object_index)
     surfaces = []
     scattered = []
@@ -247,27 +247,27 @@ def square(rows: Matrix) -> NDArray[np.float64]:
 
 
 def _as_placements(
-    rows: list[_Row], surfaces: list[_Surface], scattered: list[tuple[int, Scatter]]
+    rows: list[_Row], surfaces: list[_Surface], scatters: list[tuple[int, Scatter]]
 ) -> Placements:
     frame_index = {path: i for i, path in enumerate(sorted({path for _, _, path in rows}))}
-    sizes = [len(scatter.mesh) for _, scatter in scattered]
+    sizes = [len(scatter.mesh) for _, scatter in scatters]
     occurrence = np.concatenate(
         [
             np.array([s.occurrence for s in surfaces], np.int32),
-            np.repeat(np.array([o for o, _ in scattered], np.int32), sizes),
+            np.repeat(np.array([o for o, _ in scatters], np.int32), sizes),
         ]
     )
     mesh = np.concatenate(
-        [np.array([s.mesh for s in surfaces], np.int64), *[s.mesh for _, s in scattered]]
+        [np.array([s.mesh for s in surfaces], np.int64), *[s.mesh for _, s in scatters]]
     )
     holdout = np.concatenate(
         [
             np.array([s.holdout for s in surfaces], np.uint8),
-            np.repeat(np.array([s.holdout for _, s in scattered], np.uint8), sizes),
+            np.repeat(np.array([s.holdout for _, s in scatters], np.uint8), sizes),
         ]
     )
     placed = np.array([s.world_from_mesh for s in surfaces], np.float64).reshape(-1, 3, 4)
-    placed = np.concatenate([placed, *[s.world_from_mesh for _, s in scattered]])
+    placed = np.concatenate([placed, *[s.world_from_mesh for _, s in scatters]])
     order = np.argsort(occurrence, kind="stable")
     used, first, number = np.unique(mesh[order], return_index=True, return_inverse=True)
     by_use = np.argsort(first)

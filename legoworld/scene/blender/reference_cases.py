@@ -38,23 +38,23 @@ def read_cases(blend: Path) -> dict[str, Any]:
     }
 
 
-def write_case(blend: Path, output: Path, wanted: CaseRequest) -> None:
+def write_case(blend: Path, output: Path, request: CaseRequest) -> None:
     """Save the scene of one case as scene.blend in `output`; with "glb" scene.glb beside it.
 
-    wanted: "tier", "view" (a camera's name), "size_wh" and "glb". Objects of later tiers are hidden
-    from rendering and not deleted: what refers to them stays as it is.
+    request: "tier", "view" (a camera's name), "size_wh" and "glb". Objects of later tiers are
+    hidden from rendering and not deleted: what refers to them stays as it is.
     """
     scene = open_blend(blend).scene
-    if wanted["tier"] is not None:
-        last = _TIERS.index(wanted["tier"])
+    if request["tier"] is not None:
+        last = _TIERS.index(request["tier"])
         tiers = _Tiers(scene)
-        for thing in tiers.things:
+        for thing in tiers.objects:
             if tiers.of(thing) > last:
                 thing.hide_render = True
     for marker in scene.timeline_markers:
         marker.camera = None
-    scene.camera = scene.objects[wanted["view"]]
-    scene.render.resolution_x, scene.render.resolution_y = wanted["size_wh"]
+    scene.camera = scene.objects[request["view"]]
+    scene.render.resolution_x, scene.render.resolution_y = request["size_wh"]
     scene.render.resolution_percentage = 100
     show_scene(scene)
     pack_images()
@@ -62,7 +62,7 @@ def write_case(blend: Path, output: Path, wanted: CaseRequest) -> None:
         filepath=str(output / "scene.blend"), compress=True, relative_remap=True,
         check_existing=False,
     )  # fmt: skip
-    if wanted["glb"]:
+    if request["glb"]:
         export_glb(output / "scene.glb")
 
 
@@ -74,17 +74,17 @@ def show_scene(scene: bpy.types.Scene) -> None:
         bpy.data.scenes.remove(other)
 
 
-def _things(scene: bpy.types.Scene) -> list[Any]:
+def _scene_objects(scene: bpy.types.Scene) -> list[Any]:
     """The objects of a scene and those of collections that it instances."""
-    things = {o.name_full: o for o in scene.objects}
-    todo = list(things.values())
+    objects = {o.name_full: o for o in scene.objects}
+    todo = list(objects.values())
     while todo:
         collection = todo.pop().instance_collection
         for member in collection.all_objects if collection is not None else ():
-            if member.name_full not in things:
-                things[member.name_full] = member
+            if member.name_full not in objects:
+                objects[member.name_full] = member
                 todo.append(member)
-    return [things[name] for name in sorted(things)]
+    return [objects[name] for name in sorted(objects)]
 
 
 def _views(scene: bpy.types.Scene) -> list[str]:
@@ -105,7 +105,7 @@ class _Tiers:
     """The tier of every object that a render of a scene may show."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        self.things = [o for o in _things(scene) if o.type not in _FIXED]
+        self.objects = [o for o in _scene_objects(scene) if o.type not in _FIXED]
         self._holding: dict[str, list[Any]] = {}
         for collection in bpy.data.collections:
             for member in collection.all_objects:
@@ -114,10 +114,10 @@ class _Tiers:
     def names(self) -> list[str | None]:
         """None alone, or all three, each with an object that the one before lacks."""
         counts = [0, 0, 0]
-        for thing in self.things:
+        for thing in self.objects:
             counts[self.of(thing)] += 1
         if not any(
-            _declared_tier(o) is not None for thing in self.things for o in self._owners(thing)
+            _declared_tier(o) is not None for thing in self.objects for o in self._owners(thing)
         ):
             return [None]
         for number in (1, 2):
@@ -138,7 +138,7 @@ class _Tiers:
             raise _not_nested(
                 f"{thing.name!r} is of tier {_TIERS[own]}, and {holder!r}, which holds it, of "
                 f"{_TIERS[latest]}",
-                "parts that are there no earlier than what holds them",
+                "parts whose tier is not earlier than that of what holds them",
             )
         return latest if own is None else own
 

@@ -157,15 +157,15 @@ class Settings:
         return self._digests[place]
 
     def _read_struct(
-        self, struct: bpy.types.bpy_struct, met: set[tuple[int, str]]
+        self, struct: bpy.types.bpy_struct, visited: set[tuple[int, str]]
     ) -> dict[str, Any]:
         values: dict[str, Any] = {}
         rna: Any = type(struct)
         for name, kind in _settings(rna):
             if kind == "POINTER":
-                values[name] = self._read_nested(getattr(struct, name), met)
+                values[name] = self._read_nested(getattr(struct, name), visited)
             elif kind == "COLLECTION":
-                values[name] = [self._read_nested(item, met) for item in getattr(struct, name)]
+                values[name] = [self._read_nested(item, visited) for item in getattr(struct, name)]
             else:
                 values[name] = _plain(getattr(struct, name))
         if isinstance(struct, bpy.types.NodeTree):
@@ -178,7 +178,7 @@ class Settings:
             values[CUSTOM] = custom
         return values
 
-    def _read_nested(self, value: Any, met: set[tuple[int, str]]) -> Any:
+    def _read_nested(self, value: Any, visited: set[tuple[int, str]]) -> Any:
         if not isinstance(value, bpy.types.bpy_struct):
             return None if value is None else repr(value)
         if isinstance(value, bpy.types.Image):
@@ -191,10 +191,10 @@ class Settings:
             value.as_pointer(),
             type(value).__name__,
         )  # a first member lies where its owner does
-        if place in met:
+        if place in visited:
             return None
-        met.add(place)
-        return self._read_struct(value, met)
+        visited.add(place)
+        return self._read_struct(value, visited)
 
 
 @functools.cache

@@ -41,17 +41,17 @@ _Drawing = Callable[[Strands, Eye], Triangulated]
 class ThinMeshes:
     """Makes these meshes, appends them to `meshes`, and reads each thing once.
 
-    drawn: whether the view layer renders hair at all; made: whether there is any such mesh.
+    renders_hair: of the view layer; has_thin_meshes: whether there is any such mesh.
     """
 
     camera: SceneCamera
     camera_object: bpy.types.Object
     curve_settings: bpy.types.PropertyGroup
-    drawn: bool
+    renders_hair: bool
     meshes: list[CopiedMesh]
     alphas: AlphaTable
     warnings: set[str]
-    made: bool = False
+    has_thin_meshes: bool = False
     _systems: dict[int, list[HairSystem]] = field(default_factory=dict)
     _strands: dict[tuple[int, int], tuple[Strands, bool]] = field(default_factory=dict)
     _spheres: dict[int, int] = field(default_factory=dict)
@@ -64,7 +64,7 @@ class ThinMeshes:
         *,
         held_out: bool,
     ) -> tuple[int, int]:
-        """Numbers of the meshes of an object's particle hair, seen and held out, or `NO_MESH`."""
+        """Mesh indices of an object's particle hair, visible and holdout, or `NO_MESH`."""
         key = real.original.as_pointer()
         if key not in self._systems:
             self._systems[key] = [
@@ -76,7 +76,7 @@ class ThinMeshes:
         for system in self._systems[key]:
             rule = rules[min(system.slot, len(rules) - 1)]
             there, holdout = self._visibility(rule, real, held_out=held_out)
-            if self.drawn and eye is not None and (there or holdout):
+            if self.renders_hair and eye is not None and (there or holdout):
                 (seen if there else hidden).append(self._by_settings()(system.strands, eye))
         return self._add(seen), self._add(hidden)
 
@@ -88,17 +88,17 @@ class ThinMeshes:
         *,
         held_out: bool,
     ) -> tuple[int, int]:
-        """Numbers of the meshes of a hair curves object, seen and held out, or `NO_MESH`."""
+        """Mesh indices of a hair curves object, visible and holdout, or `NO_MESH`."""
         key = (shown.data.as_pointer(), shown.original.as_pointer())
         if key not in self._strands:
             self._strands[key] = curve_strands(shown)
         strands, straight = self._strands[key]
         there, holdout = self._visibility(rules[0], shown, held_out=held_out)
         eye = self._eye(world_from_mesh)
-        if not self.drawn or eye is None or not (there or holdout):
+        if not self.renders_hair or eye is None or not (there or holdout):
             return NO_MESH, NO_MESH
-        made = self._add([(linear_tubes if straight else self._by_settings())(strands, eye)])
-        return (made, NO_MESH) if there else (NO_MESH, made)
+        mesh = self._add([(linear_tubes if straight else self._by_settings())(strands, eye)])
+        return (mesh, NO_MESH) if there else (NO_MESH, mesh)
 
     def points(
         self,
@@ -167,7 +167,7 @@ class ThinMeshes:
         vertices, triangles = parts[0] if len(parts) == 1 else join_meshes(parts)
         if not len(triangles):
             return NO_MESH
-        self.made = True
+        self.has_thin_meshes = True
         self.meshes.append(
             CopiedMesh(
                 vertices=vertices,

@@ -13,14 +13,14 @@ from legoworld.scene.snapshot import SceneCollection, SceneObject
 
 
 def scene_tree(
-    scene: bpy.types.Scene, met: set[Identity], warnings: set[str]
+    scene: bpy.types.Scene, visited: set[Identity], warnings: set[str]
 ) -> tuple[tuple[SceneObject, ...], tuple[SceneCollection, ...], dict[Identity, int]]:
     """Objects and collections sorted by (name, library), and each object's index.
 
-    Objects are the scene's own, those in `met`, and all their parents.
+    Objects are the scene's own, those in `visited`, and all their parents.
     """
     blocks = {identity(o): o for o in bpy.data.objects}
-    wanted = met | {identity(o) for o in scene.objects}
+    wanted = visited | {identity(o) for o in scene.objects}
     for key in list(wanted):
         wanted.update(identity(parent) for parent in ancestors(blocks[key]))
     keys = sorted(wanted)

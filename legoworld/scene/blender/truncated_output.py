@@ -17,7 +17,7 @@ class TruncatedOutput(io.TextIOBase):
         self._left_out = 0
 
     def writable(self) -> bool:
-        """It is."""
+        """Always true."""
         return True
 
     def write(self, text: str) -> int:

@@ -160,16 +160,16 @@ class Accessors:
         values[places] = written
 
 
-def as_float32(stored: StoredValues) -> NDArray[np.float32]:
+def as_float32(stored_values: StoredValues) -> NDArray[np.float32]:
     """(count, components) float32; normalised integers by the specification's table in 3.11.
 
     float32 values are returned as they are stored, without a copy.
     """
-    values = stored.values
+    values = stored_values.values
     if values.dtype.kind == "f":
         return values
     floats = values.astype(np.float32)
-    if stored.normalized:
+    if stored_values.normalized:
         floats /= np.float32(np.iinfo(values.dtype).max)
         if values.dtype.kind == "i":
             np.maximum(floats, -1.0, out=floats)

@@ -93,15 +93,15 @@ class Pictures:
         self._buffers = buffers
         self._budget = budget
         self._decoded: dict[int, NDArray[np.uint8] | None] = {}
-        self._known: dict[tuple[Any, ...], int] = {}
+        self._cutout_numbers: dict[tuple[Any, ...], int] = {}
 
     def plain(self) -> int:
         """The cut-out of one opaque texel: alpha comes from the corners alone."""
-        if ("plain",) not in self._known:
-            self._known[("plain",)] = len(self.cutouts)
+        if ("plain",) not in self._cutout_numbers:
+            self._cutout_numbers[("plain",)] = len(self.cutouts)
             self.cutouts.append(Cutout(name="", wrap="extend", interpolation="closest"))
             self.alphas.append(np.full((1, 1), 255, np.uint8))
-        return self._known[("plain",)]
+        return self._cutout_numbers[("plain",)]
 
     def cut(
         self, rule: TextureAlpha, uv: NDArray[np.float32], material: str, *, enough: float
@@ -123,14 +123,14 @@ class Pictures:
             tiling = (rule.wrap_s, 0, 1, 0, 1)
         wrap, left, across, low, up = tiling
         key = (rule.image, rule.cutoff, rule.interpolation, rule.wrap_s, rule.wrap_t, *tiling)
-        if key not in self._known:
+        if key not in self._cutout_numbers:
             self._budget.take(2 * alpha.nbytes * across * up, "alpha textures")
             tiled = _tile_picture(alpha, rule, left, across, low, up)
-            self._known[key] = len(self.cutouts)
+            self._cutout_numbers[key] = len(self.cutouts)
             name = self._images[rule.image].text("name") or f"image {rule.image}"
             self.cutouts.append(Cutout(name=name, wrap=wrap, interpolation=rule.interpolation))
             self.alphas.append(threshold_at_half(tiled, rule.cutoff))
-        return self._known[key], ((uv_up - (left, low)) / (across, up)).astype(np.float32)
+        return self._cutout_numbers[key], ((uv_up - (left, low)) / (across, up)).astype(np.float32)
 
     def _alpha(self, image: int, material: str) -> NDArray[np.uint8] | None:
         """(H, W) uint8 alpha, top row first; None where it is 1 or unknown."""

@@ -63,7 +63,7 @@ def decode(payloads: Sequence[DracoPayload], budget: Budget) -> list[DracoMesh]:
             "blend",
         )
     request = {
-        "limit_bytes": budget.left,
+        "limit_bytes": budget.bytes_left,
         "payloads": [[len(p.data), list(p.attributes)] for p in payloads],
     }
     input_bytes = b"".join([json.dumps(request).encode() + b"\n", *(p.data for p in payloads)])

@@ -61,7 +61,7 @@ class Meshes:
         used = sorted({node.mesh for node in tree.nodes if node.mesh >= 0 and node.visible})
         self._primitives = Primitives(document, accessors, self._draco(used, buffers), budget)
         self._surfaces = CutSurfaces(document, self._primitives, self.pictures, budget)
-        self._known: dict[tuple[Any, ...], int] = {}
+        self._mesh_numbers: dict[tuple[Any, ...], int] = {}
         self._joints: dict[int, NDArray[np.float64]] = {}
 
     @property
@@ -74,17 +74,17 @@ class Meshes:
         mesh = self._meshes[node.mesh]
         weights = default_weights(node.fields, mesh)
         key = (node.mesh, weights, node.skin)
-        if key not in self._known:
+        if key not in self._mesh_numbers:
             name = mesh.text("name") or node.name
             parts = tuple(
                 part
                 for primitive in mesh.children("primitives")
                 if (part := self._part(primitive, name, weights, node.skin)) is not None
             )
-            self._known[key] = len(self.parts) if parts else -1
+            self._mesh_numbers[key] = len(self.parts) if parts else -1
             if parts:
                 self.parts.append(parts)
-        return self._known[key]
+        return self._mesh_numbers[key]
 
     def _draco(self, used: Iterable[int], buffers: Buffers) -> dict[str, DracoMesh]:
         primitives = [p for i in used for p in self._meshes[i].children("primitives")]

@@ -40,13 +40,13 @@ class Budget:
 
     def __init__(self, file_bytes: int) -> None:
         self.limit = _FLOOR_BYTES + _GROWTH * file_bytes
-        self.left = self.limit
+        self.bytes_left = self.limit
 
     def take(self, n_bytes: int, what: str) -> None:
         """Count an array of that size. Raises UnreadableGltfError when the file holds too much."""
-        if n_bytes > self.left:
+        if n_bytes > self.bytes_left:
             raise unreadable(
                 f"{what}: {n_bytes:,} bytes when decoded",
                 f"at most {self.limit:,} bytes in all for a file of this size",
             )
-        self.left -= n_bytes
+        self.bytes_left -= n_bytes

@@ -26,12 +26,12 @@ def round_tubes(strands: Strands, eye: Eye) -> Triangulated:
         along = nodes(part, eye, steps, True)
         across = _carried_along(along)
         rings = _rings(along.points, along.tangent, across, along.radius, sides)
-        parts.append((rings.reshape(-1, 3).astype(np.float32), _wall(along.pairs, sides)))
+        parts.append((rings.reshape(-1, 3).astype(np.float32), _ring_triangles(along.pairs, sides)))
     return join_meshes(parts)
 
 
 def linear_tubes(strands: Strands, eye: Eye) -> Triangulated:
-    """(V, 3), (T, 3): cones between keys, touching a sphere around each, and the spheres."""
+    """Vertices (V, 3), triangles (T, 3): a sphere at each key and cones tangent to them."""
     sides = _sides(strands, eye)
     share = float(eye.share(strands.points, strands.radius).max(initial=0.0))
     ball = sphere(int(sphere_levels(np.array([share]))[0]))
@@ -59,7 +59,7 @@ def _cones(strands: Strands, sides: int) -> Triangulated:
         centre = strands.points[key] + axis * (radius * sine)[:, None]
         rings.append(_rings(centre, axis, across, radius * cosine, sides))
     vertices = np.stack(rings, axis=1).reshape(-1, 3).astype(np.float32)
-    return vertices, _wall(2 * np.arange(len(first)), sides)
+    return vertices, _ring_triangles(2 * np.arange(len(first)), sides)
 
 
 def _balls(strands: Strands, ball: Triangulated) -> Triangulated:
@@ -90,7 +90,7 @@ def _rings(
     return np.stack(corners, axis=1)
 
 
-def _wall(rings: NDArray[np.int64], sides: int) -> NDArray[np.int32]:
+def _ring_triangles(rings: NDArray[np.int64], sides: int) -> NDArray[np.int32]:
     """Triangles between each of these rings and the next one."""
     here = np.arange(sides)
     beside = (here + 1) % sides

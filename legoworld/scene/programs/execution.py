@@ -116,7 +116,7 @@ def _run(
     scratch: Path,
     made: Path,
     limits: Limits,
-    held: Protections,
+    protections: Protections,
 ) -> tuple[ProgramReport, list[str]]:
     """Run the program and move what it left into `made`; raises its verdict.
 
@@ -126,7 +126,7 @@ def _run(
     workspace.mkdir()
     allowed = SandboxLimits(time_s=limits.time_s, memory_bytes=limits.memory_bytes)
     program = program.resolve()
-    with Sandbox(workspace, allowed, held, owner=scratch) as sandbox:
+    with Sandbox(workspace, allowed, protections, owner=scratch) as sandbox:
         request = {
             "program": str(program),
             "output": str(sandbox.path_inside("output")),
@@ -156,7 +156,7 @@ def _run(
             if report.reason
             else report.error and report.error.message
         ):
-            alone = held.bubblewrap is not None
+            alone = protections.bubblewrap is not None
             hints = _hints(failed, ending.last_output, program, inputs, shown_alone=alone)
         _refuse_failure(report, allowed, hints)
         if _take_file(workspace, BLEND, made) is None:
@@ -285,7 +285,7 @@ def _deliver(
     report: ProgramReport,
     warnings: list[str],
     check: Verdict,
-    held: Protections,
+    protections: Protections,
 ) -> ExecutionFile:
     files = tuple(name for name in (BLEND, GLB, PICTURE) if (made / name).is_file())
     for name in (BLEND, GLB, PICTURE):
@@ -306,7 +306,7 @@ def _deliver(
         files={name: sha256_of_file(output / name) for name in files},
         warnings=tuple(warnings),
         check=check,
-        sandbox=held.record(),
+        sandbox=protections.record(),
     )
     write_text(output / EXECUTION, readable(execution))
     return execution

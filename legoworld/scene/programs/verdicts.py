@@ -18,7 +18,7 @@ _STACKS: Final = ("Fatal Python error", "Timeout (")
 
 
 class ProgramCrashedError(LegoWorldError):
-    """The program brought Blender to a crash."""
+    """The program crashed Blender."""
 
     code = "program_crashed"
 

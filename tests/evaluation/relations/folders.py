@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from msgspec.structs import asdict
-from readouts.cubes import SIZE, seen
+from readouts.cubes import SIZE, view_of
 
 from legoworld import cli
 from legoworld.evaluation.relations.truth import read_truth
@@ -44,7 +44,7 @@ def write_facts(folder: Path, scenes: Mapping[str, Any]) -> Path:
         if placed is None:
             rows.append({**row, "status": "invalid", "reason": "it was broken"})
             continue
-        file = AnswerFile(facts=relation_facts(*seen(*placed)))
+        file = AnswerFile(facts=relation_facts(*view_of(*placed)))
         written = asdict(write_answers(folder, Path(name).stem, file))
         rows.append({**row, "size_wh": SIZE, "status": "ok", "reason": None, "answer": written})
     reading = protocol("relations", None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from msgspec.structs import replace
-from readouts.cubes import seen
+from readouts.cubes import view_of
 
 from legoworld.evaluation.relations.answering import Reply, answer_by_facts, read_answer
 from legoworld.evaluation.relations.questions import make_questions
@@ -29,7 +29,7 @@ CATEGORIES = ["cup", "dining table", "chair", "laptop", "bear", "bus", "kite"]
 
 
 def facts_of(*placed):
-    return relation_facts(*seen(*placed))
+    return relation_facts(*view_of(*placed))
 
 
 @pytest.fixture(scope="module")

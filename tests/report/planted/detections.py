@@ -16,7 +16,7 @@ from evaluation.detection_runs import box_mask, text_counts
 from evaluation.solids import box as solid
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
-from report.pages import evaluated
+from report.pages import evaluate
 from report.planted.plant import Plant, Planted
 
 from legoworld.evaluation.stored import read_evaluation
@@ -152,7 +152,7 @@ def page(given: Set, folder: Path, name: str = "scene") -> Path:
     truth, predictions = documents(given)
     kind = {} if name == "scene" else {"kind": "baseline", "baseline": name}
     statuses = dict.fromkeys(given.missing, "missing")
-    return evaluated(
+    return evaluate(
         folder, given.task, truth=truth, predictions=predictions, statuses=statuses, **kind
     )
 

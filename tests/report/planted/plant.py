@@ -57,7 +57,7 @@ def check(planted: Planted) -> PageDocument:
     assert named, (planted, of)
     cost = named[0]
     assert abs(cost.gain - planted.size) <= planted.within, (cost, planted.size)
-    there = listed(section, cost)
+    there = listed_photos(section, cost)
     whole = bool(there & planted.images) if len(there) == 1 else planted.images <= there
     assert whole, (cost, planted.images, there)
     advised = {v.id: v.sides[planted.side].advice for v in document.views}
@@ -67,7 +67,7 @@ def check(planted: Planted) -> PageDocument:
     return document
 
 
-def listed(section: PageSection, cost: Cost) -> set[int]:
+def listed_photos(section: PageSection, cost: Cost) -> set[int]:
     """The photos that a line's link shows, by the filters of gallery.js."""
     alone = re.fullmatch(r"/(\d+)", cost.link)
     if alone:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from report.chromium import browser
-from report.pages import evaluated, page_of
+from report.pages import evaluate, page_of
 from report.planted.plant import Plant, Planted, check
 from report.planted.table import PLANTS
 
@@ -51,7 +51,7 @@ def test_a_class_confused_by_a_real_detector_is_what_costs_most(
         if one["category_id"] == names["dog"]:
             one["category_id"] = names["person"]
     before = json.loads((real_data / "coco/yolox_nano_val2017_188_results.json").read_text())
-    gains = [evaluated(tmp_path / str(k), "coco", truth=truth, predictions=some, kind="baseline",
+    gains = [evaluate(tmp_path / str(k), "coco", truth=truth, predictions=some, kind="baseline",
                        baseline="yolox") for k, some in enumerate((results, before))]  # fmt: skip
     bad, good = (json.loads((g / "summary.json").read_text())["metrics"]["AP"] for g in gains)
     seen = {a["image_id"] for a in truth["annotations"] if a["category_id"] == names["dog"]}

@@ -74,7 +74,7 @@ def lay_out(
     The sources take their turns as `turns` names them, again and again.
     """
     taken = Counter[str]()
-    planned = [Planned(name=whole(name), source=name, kind=None) for name in sources]
+    planned = [Planned(name=intact(name), source=name, kind=None) for name in sources]
     contents = list(sources.values())
     for i in range(count):
         source = turns[i % len(turns)]
@@ -98,7 +98,7 @@ def lay_out(
     return planned
 
 
-def whole(source: str) -> str:
+def intact(source: str) -> str:
     """The scene that is an undamaged copy of a source."""
     return f"0000-{source}"
 
@@ -174,9 +174,9 @@ def faults(planned: list[Planned], outcome: Outcome, folder: Path) -> list[str]:
         if str(folder) in json.dumps(row):
             wrong.append(f"{plan.name}: the row names a folder of this machine")
         if plan.kind is None:
-            if row["status"] != "ok" and plan.name != whole(plan.source):
+            if row["status"] != "ok" and plan.name != intact(plan.source):
                 wrong.append(f"{plan.name}: the control is {row['status']}: {reason}")
-            if _comparable(outcome, plan.name) != _comparable(outcome, whole(plan.source)):
+            if _comparable(outcome, plan.name) != _comparable(outcome, intact(plan.source)):
                 wrong.append(f"{plan.name}: the file before it changed its row")
     return wrong
 

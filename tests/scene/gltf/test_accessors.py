@@ -18,7 +18,7 @@ QUAD = [("Quad", 64, (36, 20, 44, 28))]
 CORNERS, TRIANGLES = square(4, 4, 8)
 
 
-def seen(primitive, made, **document):
+def read_accessor(primitive, made, **document):
     made.json |= document
     made.node(name="Quad", mesh=made.add("meshes", primitives=[primitive]))
     return boxes(made.glb())
@@ -29,12 +29,12 @@ def test_index_widths(dtype):
     made = Document()
     primitive = made.primitive(CORNERS)
     primitive["indices"] = made.accessor(TRIANGLES, dtype)
-    assert seen(primitive, made) == QUAD
+    assert read_accessor(primitive, made) == QUAD
 
 
 def test_without_indices():
     made = Document()
-    assert seen(made.primitive([CORNERS[i] for i in TRIANGLES]), made) == QUAD
+    assert read_accessor(made.primitive([CORNERS[i] for i in TRIANGLES]), made) == QUAD
 
 
 @pytest.mark.parametrize(
@@ -42,10 +42,10 @@ def test_without_indices():
 )
 def test_triangles_strips_and_fans(mode, indices):
     made = Document()
-    assert seen(made.primitive(CORNERS, indices, mode=mode), made) == QUAD
+    assert read_accessor(made.primitive(CORNERS, indices, mode=mode), made) == QUAD
     made = Document()
     unindexed = made.primitive([CORNERS[i] for i in indices], mode=mode)
-    assert seen(unindexed, made) == QUAD
+    assert read_accessor(unindexed, made) == QUAD
 
 
 def test_a_strip_of_many_triangles():
@@ -74,7 +74,7 @@ def test_points_and_lines_are_no_surface_and_named(mode):
 def test_an_incomplete_last_triangle_is_left_out_with_a_warning():
     made = Document()
     primitive = made.primitive(CORNERS, [*TRIANGLES, 1, 2])
-    assert seen(primitive, made) == QUAD
+    assert read_accessor(primitive, made) == QUAD
     assert any("incomplete last triangle" in w for w in read(made.glb()).warnings)
 
 
@@ -85,7 +85,7 @@ def test_interleaved_vertices():
     view = made.view(b"head" + rows.tobytes(), byteStride=32)
     made.add("accessors", bufferView=view, byteOffset=4, componentType=5126, count=4, type="VEC3")
     primitive = {"attributes": {"POSITION": 0}, "indices": made.accessor(TRIANGLES, "u1")}
-    assert seen(primitive, made) == QUAD
+    assert read_accessor(primitive, made) == QUAD
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_sparse_values_over_a_base_and_over_zeros(dtype):
     wrong[2] = (99, 99, 99)
     position = sparse(made, 4, [2], [CORNERS[2]], dtype, bufferView=made.view(wrong.tobytes()))
     primitive = {"attributes": {"POSITION": position}, "indices": made.accessor(TRIANGLES, "u1")}
-    assert seen(primitive, made) == QUAD
+    assert read_accessor(primitive, made) == QUAD
     made = Document()
     position = sparse(made, 4, [1, 2, 3], [(8, 0, 0), (8, 8, 0), (0, 8, 0)], dtype)
     primitive = {"attributes": {"POSITION": position}, "indices": made.accessor(TRIANGLES, "u1")}

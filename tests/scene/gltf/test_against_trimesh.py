@@ -14,7 +14,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
-def placed(vertices: np.ndarray, world: np.ndarray) -> np.ndarray:
+def place_vertices(vertices: np.ndarray, world: np.ndarray) -> np.ndarray:
     return np.asarray(vertices, np.float64) @ world[:3, :3].T + world[:3, 3]
 
 
@@ -26,13 +26,15 @@ def test_the_same_triangles_in_the_same_places(name):
     for mesh, world in zip(snapshot.surface_mesh, snapshot.world_from_mesh, strict=True):
         vertices = slice(snapshot.vertex_start[mesh], snapshot.vertex_start[mesh + 1])
         triangles = slice(snapshot.triangle_start[mesh], snapshot.triangle_start[mesh + 1])
-        ours.append(placed(snapshot.vertices[vertices], world)[snapshot.triangles[triangles]])
+        ours.append(
+            place_vertices(snapshot.vertices[vertices], world)[snapshot.triangles[triangles]]
+        )
     scene = trimesh.load_scene(path, process=False)
     theirs = []
     for node in scene.graph.nodes_geometry:
         world, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
-        theirs.append((placed(mesh.vertices, world) @ Z_UP.T)[mesh.faces])
+        theirs.append((place_vertices(mesh.vertices, world) @ Z_UP.T)[mesh.faces])
     # The readers order meshes and triangles differently, so sorted quantities are compared.
     a, b = np.concatenate(ours), np.concatenate(theirs)
     assert len(a) == len(b) > 10_000

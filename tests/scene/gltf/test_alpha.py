@@ -42,7 +42,7 @@ def card(alpha=TEXELS, uv=WHOLE, *, mode="BLEND", factor=None, transform=None, c
     return made
 
 
-def shown(made, size=8):
+def draw_card(made, size=8):
     """The card's pixels, rows from the top."""
     return mask(made.glb())[32 - size : 32, 32 : 32 + size]
 
@@ -53,16 +53,16 @@ def blocks(texels, size=8):
 
 
 def test_a_texture_cuts_texel_by_texel_the_right_way_up():
-    assert (shown(card()) == blocks(TEXELS)).all()
+    assert (draw_card(card()) == blocks(TEXELS)).all()
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.5])
 def test_a_mask_that_is_cut_off_at_nothing_shows_everything(factor):
-    assert shown(card(mode="MASK", cutoff=0.0, factor=factor)).all()
+    assert draw_card(card(mode="MASK", cutoff=0.0, factor=factor)).all()
 
 
 def test_opaque_ignores_every_alpha():
-    assert shown(card(mode="OPAQUE", factor=0.0)).all()
+    assert draw_card(card(mode="OPAQUE", factor=0.0)).all()
     assert read(card(mode="OPAQUE").glb()).cutouts == ()
 
 
@@ -77,7 +77,7 @@ def test_constant_alpha_of_blend(factor, there):
     made.quad("Card", 0, 0)
     made.json["meshes"][0]["primitives"][0]["material"] = number
     if there:
-        assert shown(made).all()
+        assert draw_card(made).all()
     else:
         with pytest.raises(NoMeshError):
             read(made.glb())
@@ -103,7 +103,7 @@ def test_thresholds_are_exact_to_the_texel(mode, factor, cutoff, least):
     made.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = made.accessor(
         [(0, 0, 0), (16, 0, 0), (16, 16, 0), (0, 16, 0)]
     )
-    assert (shown(made, 16) == (ramp >= least)).all()
+    assert (draw_card(made, 16) == (ramp >= least)).all()
 
 
 def test_blend_has_a_threshold_of_its_own_whatever_the_cutoff():
@@ -112,7 +112,7 @@ def test_blend_has_a_threshold_of_its_own_whatever_the_cutoff():
     made.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = made.accessor(
         [(0, 0, 0), (16, 0, 0), (16, 16, 0), (0, 16, 0)]
     )
-    assert (shown(made, 16) == (ramp >= 128)).all()
+    assert (draw_card(made, 16) == (ramp >= 128)).all()
 
 
 def test_a_cutoff_no_alpha_reaches_removes_the_surface():
@@ -131,10 +131,10 @@ def test_interpolated_alpha_meets_any_cutoff_where_it_should():
 
 def test_interpolation_follows_the_sampler():
     made = card([[0, 255]], sampler={"magFilter": 9729, "wrapS": 33071, "wrapT": 33071})
-    assert (shown(made) == (np.arange(8) >= 4)).all()
+    assert (draw_card(made) == (np.arange(8) >= 4)).all()
     made = card([[0, 0, 255, 255]], sampler={"magFilter": 9729})
     # Repeating: halfway between the last texel and the first one again alpha is 0.5.
-    assert (shown(made) == [0, 0, 0, 0, 1, 1, 1, 1]).all()
+    assert (draw_card(made) == [0, 0, 0, 0, 1, 1, 1, 1]).all()
     assert read(made.glb()).cutouts[0].interpolation == "linear"
     assert read(card().glb()).cutouts[0].interpolation == "closest"
 
@@ -146,7 +146,7 @@ def test_interpolation_follows_the_sampler():
 def test_wrap_modes(wrap, row):
     uv = [(-1, 1), (3, 1), (3, 0), (-1, 0)]  # texels -2 .. 5 of two
     made = card([[0, 255]], uv, sampler={"wrapS": wrap, "wrapT": wrap})
-    assert "".join("01"[int(x)] for x in shown(made)[0]) == row
+    assert "".join("01"[int(x)] for x in draw_card(made)[0]) == row
 
 
 @pytest.mark.parametrize("wrap_s", [10497, 33071, 33648])
@@ -167,7 +167,7 @@ def test_wrap_modes_that_differ_by_direction(wrap_s, wrap_t):
         return np.where(index % 4 < 2, index % 4, 3 - index % 4)
 
     expected = texels[np.ix_(wrapped(at, wrap_t), wrapped(at, wrap_s))] > 0
-    assert (shown(made) == expected).all()
+    assert (draw_card(made) == expected).all()
 
 
 def test_wraps_too_long_to_tile_are_warned_of():
@@ -199,9 +199,9 @@ def test_texture_transforms(transform, expected):
         column = np.floor((0.5 + at) % 1 * 4).astype(int)
         row = np.floor((-0.5 * at) % 1 * 4).astype(int)
         expected = TEXELS[row[None, :], column[:, None]]
-        assert (shown(card(transform=transform)) == (expected > 0)).all()
+        assert (draw_card(card(transform=transform)) == (expected > 0)).all()
         return
-    assert (shown(card(transform=transform)) == blocks(expected)).all()
+    assert (draw_card(card(transform=transform)) == blocks(expected)).all()
 
 
 def test_the_texture_coordinate_set_is_the_textures_and_the_transforms_wins():
@@ -209,11 +209,11 @@ def test_the_texture_coordinate_set_is_the_textures_and_the_transforms_wins():
     attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
     attributes["TEXCOORD_1"] = made.accessor(WHOLE)
     info = made.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
-    assert shown(made).all()  # all of it is the upper left texel
+    assert draw_card(made).all()  # all of it is the upper left texel
     info["texCoord"] = 1
-    assert (shown(made) == blocks(TEXELS)).all()
+    assert (draw_card(made) == blocks(TEXELS)).all()
     info["extensions"] = {"KHR_texture_transform": {"texCoord": 0}}
-    assert shown(made).all()
+    assert draw_card(made).all()
     info["texCoord"] = 5
     info["extensions"] = {}
     snapshot = read(made.glb())
@@ -221,14 +221,14 @@ def test_the_texture_coordinate_set_is_the_textures_and_the_transforms_wins():
     assert f"material 'material 0': {said}" in snapshot.warnings
     made.json["materials"][0]["name"] = "Leaf"
     assert f"material 'Leaf': {said}" in read(made.glb()).warnings
-    assert shown(made).all()
+    assert draw_card(made).all()
 
 
 def test_quantized_texture_coordinates():
     made = card()
     attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
     attributes["TEXCOORD_0"] = made.accessor(np.array(WHOLE) * 65535, "u2", normalized=True)
-    assert (shown(made) == blocks(TEXELS)).all()
+    assert (draw_card(made) == blocks(TEXELS)).all()
 
 
 def test_vertex_colours():
@@ -238,7 +238,7 @@ def test_vertex_colours():
         attributes["COLOR_0"] = made.accessor([(1, 1, 1, a) for a in alphas])
         return made
 
-    assert shown(colored([0.7] * 4)).all()
+    assert draw_card(colored([0.7] * 4)).all()
     with pytest.raises(NoMeshError):
         read(colored([0.6] * 4).glb())  # 0.48
 
@@ -247,7 +247,7 @@ def test_vertex_colours():
 LEFT_TO_RIGHT = [0.1, 0.9, 0.9, 0.1]
 
 
-def painted(alphas, dtype="f4", texels=None, **kwargs):
+def paint_alpha(alphas, dtype="f4", texels=None, **kwargs):
     made = card(np.full((1, 1), 255) if texels is None else texels, **kwargs)
     attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
     colors = np.array([(1, 1, 1, a) for a in alphas])
@@ -261,8 +261,8 @@ def painted(alphas, dtype="f4", texels=None, **kwargs):
 
 @pytest.mark.parametrize("dtype", ["f4", "u1", "u2"])
 def test_alpha_that_varies_by_vertex_cuts_where_it_is_interpolated(dtype):
-    made = painted(LEFT_TO_RIGHT, dtype)
-    assert (shown(made) == (np.arange(8) >= 4)).all()
+    made = paint_alpha(LEFT_TO_RIGHT, dtype)
+    assert (draw_card(made) == (np.arange(8) >= 4)).all()
     assert read(made.glb()).warnings == read(card().glb()).warnings
 
 
@@ -278,54 +278,54 @@ def test_alpha_that_varies_by_vertex_cuts_where_it_is_interpolated(dtype):
     ],
 )
 def test_vertex_alpha_under_every_mode_and_factor(mode, cutoff, factor, columns):
-    made = painted(LEFT_TO_RIGHT, mode=mode, cutoff=cutoff, factor=factor)
+    made = paint_alpha(LEFT_TO_RIGHT, mode=mode, cutoff=cutoff, factor=factor)
     if not columns:
         with pytest.raises(NoMeshError):
             read(made.glb())
         return
-    assert (shown(made) == (np.arange(8) >= 8 - columns)).all()
+    assert (draw_card(made) == (np.arange(8) >= 8 - columns)).all()
 
 
 def test_vertex_alpha_times_a_texture():
     texels = [[255, 255, 255, 255], [255, 255, 200, 200], [0, 0, 0, 255], [180, 180, 180, 180]]
-    made = painted(LEFT_TO_RIGHT, texels=texels)
+    made = paint_alpha(LEFT_TO_RIGHT, texels=texels)
     alpha = np.kron(np.array(texels) / 255, np.ones((2, 2))) * (
         0.1 + 0.8 * (np.arange(8) + 0.5) / 8
     )
-    assert (shown(made) == (alpha >= 0.5)).all()
+    assert (draw_card(made) == (alpha >= 0.5)).all()
 
 
 @pytest.mark.parametrize("dtype", ["f4", "u1"])
 def test_one_alpha_at_all_vertices_is_stored_as_a_factor(dtype):
-    same = read(painted([0.8] * 4, dtype, TEXELS).glb())
+    same = read(paint_alpha([0.8] * 4, dtype, TEXELS).glb())
     factor = read(card(TEXELS, factor=0.8).glb())
     assert same.corner_alpha.tolist() == factor.corner_alpha.tolist()
     assert same.triangle_cutout.tolist() == factor.triangle_cutout.tolist()
-    varying = read(painted([0.8, 0.8, 0.8, 0.7], dtype, TEXELS).glb())
+    varying = read(paint_alpha([0.8, 0.8, 0.8, 0.7], dtype, TEXELS).glb())
     assert len(varying.corner_alpha) > len(factor.corner_alpha)
 
 
 def test_triangles_whose_corners_are_all_above_or_below_need_no_cut_out():
-    snapshot = read(painted([0.6, 0.7, 0.8, 0.9]).glb())
+    snapshot = read(paint_alpha([0.6, 0.7, 0.8, 0.9]).glb())
     assert snapshot.cutouts == ()
-    snapshot = read(painted([0.1, 0.2, 0.3, 0.9]).glb())
+    snapshot = read(paint_alpha([0.1, 0.2, 0.3, 0.9]).glb())
     assert len(snapshot.triangles) == 1
     assert len(snapshot.corner_alpha) == 1
 
 
 def test_a_triangle_that_is_whole_beside_one_that_is_cut():
-    made = painted([0.9, 0.9, 0.9, 0.1])  # (0, 1, 2) and (0, 2, 3)
+    made = paint_alpha([0.9, 0.9, 0.9, 0.1])  # (0, 1, 2) and (0, 2, 3)
     snapshot = read(made.glb())
     assert snapshot.triangle_cutout.tolist() == [-1, 0]
     assert snapshot.corner_alpha[1].tolist() == pytest.approx([0.9, 0.9, 0.1])
-    cut = shown(made)
+    cut = draw_card(made)
     assert cut[np.arange(8)[:, None] + np.arange(8)[None, :] > 7].all()  # below the diagonal
     assert not cut[0, 0]
     assert not cut.all()
 
 
 def test_vertex_colours_that_are_no_colours_are_refused():
-    made = painted([0.1, float("nan"), 1, 1])
+    made = paint_alpha([0.1, float("nan"), 1, 1])
     with pytest.raises(UnreadableGltfError, match="COLOR_0"):
         read(made.glb())
     made = card(np.full((1, 1), 255))
@@ -349,7 +349,7 @@ def test_specular_glossiness_materials():
     texture = made.json["materials"][0].pop("pbrMetallicRoughness")["baseColorTexture"]
     glossy = {"diffuseFactor": [1, 1, 1, 1], "diffuseTexture": texture}
     made.json["materials"][0]["extensions"] = {"KHR_materials_pbrSpecularGlossiness": glossy}
-    assert (shown(made) == blocks(TEXELS)).all()
+    assert (draw_card(made) == blocks(TEXELS)).all()
     glossy["diffuseFactor"] = [1, 1, 1, 0.4]
     with pytest.raises(NoMeshError):
         read(made.glb())
@@ -367,7 +367,7 @@ def test_pictures_without_alpha_cut_nothing(kind):
     snapshot = read(made.glb())
     assert snapshot.cutouts == ()
     assert not any("alpha texture" in w for w in snapshot.warnings)
-    assert shown(made).all()
+    assert draw_card(made).all()
 
 
 @pytest.mark.parametrize("kind", [".png", ".webp"])
@@ -438,7 +438,7 @@ def test_pictures_that_do_not_decode_are_opaque_with_a_warning(data, why):
     made.json["materials"][0]["name"] = "Leaf"
     assert any(w.startswith(f"material 'Leaf': its alpha texture {why}")
                for w in read(made.glb()).warnings)  # fmt: skip
-    assert shown(made).all()
+    assert draw_card(made).all()
 
 
 def test_missing_picture_files_are_opaque_with_a_warning(tmp_path):

@@ -30,28 +30,28 @@ def taken(monkeypatch):
     return counted
 
 
-def shown(made, primitive, **node):
+def read_quad(made, primitive, **node):
     made.node(name="Quad", mesh=made.add("meshes", primitives=[primitive]), **node)
     return read(made.glb())
 
 
 def test_floats_with_indices_are_views_of_the_file(taken):
     made = Document()
-    shown(made, made.primitive(CORNERS, TRIANGLES))
+    read_quad(made, made.primitive(CORNERS, TRIANGLES))
     assert taken == [QUAD]
 
 
 def test_indices_that_are_not_stored_and_strips(taken):
     made = Document()
-    shown(made, made.primitive([CORNERS[i] for i in TRIANGLES]))
+    read_quad(made, made.primitive([CORNERS[i] for i in TRIANGLES]))
     assert taken == [(4 * 6, "meshes[0].primitives[0]"), (12 * (6 + 2), "the geometry")]
     taken.clear()
     made = Document()
-    shown(made, made.primitive(CORNERS, [0, 1, 3, 2], mode=5))  # of uint16
+    read_quad(made, made.primitive(CORNERS, [0, 1, 3, 2], mode=5))  # of uint16
     assert taken == [(2 * 3 * 2, "meshes[0].primitives[0]"), QUAD]
     taken.clear()
     made = Document()
-    shown(made, made.primitive([CORNERS[i] for i in (0, 1, 3, 2)], mode=5))  # in 32 bits
+    read_quad(made, made.primitive([CORNERS[i] for i in (0, 1, 3, 2)], mode=5))  # in 32 bits
     place = "meshes[0].primitives[0]"
     assert taken == [(4 * 4, place), (2 * 3 * 4, place), QUAD]
 
@@ -61,7 +61,7 @@ def test_quantized_and_sparse_positions(taken):
     made.json["extensionsUsed"] = ["KHR_mesh_quantization"]
     primitive = made.primitive(CORNERS, TRIANGLES)
     primitive["attributes"]["POSITION"] = made.accessor(CORNERS, "u1")
-    shown(made, primitive)
+    read_quad(made, primitive)
     assert taken == [(12 * 4, "meshes[0].primitives[0]"), QUAD]
     for based in (False, True):
         taken.clear()
@@ -75,7 +75,7 @@ def test_quantized_and_sparse_positions(taken):
             "indices": {"bufferView": made.view(bytes(range(4))), "componentType": 5121},
             "values": {"bufferView": made.view(np.float32(CORNERS).tobytes())},
         }
-        shown(made, primitive)
+        read_quad(made, primitive)
         assert taken == [(4 * 12, "accessors[0]"), QUAD]
 
 
@@ -87,7 +87,7 @@ def test_skins(taken):
         "WEIGHTS_0": made.accessor([[1, 0, 0, 0]] * 4),
     }
     made.add("skins", joints=[made.node(name="Root")])
-    shown(made, primitive, skin=0)
+    read_quad(made, primitive, skin=0)
     assert taken == [(4 * 4 * 24, "joints and weights"), (4 * 12, "skinned positions"), QUAD]
 
 
@@ -95,12 +95,12 @@ def test_instances(taken):
     made = Document()
     places = {"TRANSLATION": made.accessor([[0, 0, 0], [9, 0, 0], [18, 0, 0]])}
     instancing = {"EXT_mesh_gpu_instancing": {"attributes": places}}
-    shown(made, made.primitive(CORNERS, TRIANGLES), extensions=instancing)
+    read_quad(made, made.primitive(CORNERS, TRIANGLES), extensions=instancing)
     place = "nodes[1].extensions.EXT_mesh_gpu_instancing.attributes"
     assert taken == [(256 * 3, place), QUAD]
 
 
-def textured(alpha, uv=WHOLE, **sampler):
+def textured_document(alpha, uv=WHOLE, **sampler):
     made = Document()
     color = {"baseColorTexture": {"index": made.texture(alpha, **sampler)}}
     made.textured_quad({"alphaMode": "BLEND", "pbrMetallicRoughness": color}, uv)
@@ -110,24 +110,24 @@ def textured(alpha, uv=WHOLE, **sampler):
 def test_textures_and_their_tiles(taken):
     alpha = np.zeros((2, 5), np.uint8)
     alpha[0] = 255
-    read(textured(alpha).glb())
+    read(textured_document(alpha).glb())
     assert taken == [
         (2 * 48 * 2, "TEXCOORD_0"), (10, "alpha textures"), (2 * 10, "alpha textures"), QUAD,
     ]  # fmt: skip
     taken.clear()
     uv = [(0.25, 1), (2.5, 1), (2.5, 0), (0.25, 0)]
-    read(textured(alpha, uv, wrapS=10497, wrapT=33071).glb())
+    read(textured_document(alpha, uv, wrapS=10497, wrapT=33071).glb())
     # Tiles -1 to 3 across: those that are reached, and one further on either side.
     assert taken[2] == (2 * 10 * 5, "alpha textures")
     taken.clear()
     upright = [(v, u) for u, v in uv]
-    read(textured(alpha, upright, wrapS=33071, wrapT=10497).glb())
+    read(textured_document(alpha, upright, wrapS=33071, wrapT=10497).glb())
     assert taken[2][1] == "alpha textures"
     assert taken[2][0] > 2 * 10 * 2  # as many tiles upwards, not fewer
 
 
 def test_vertex_colours(taken):
-    made = textured(np.full((1, 1), 255))
+    made = textured_document(np.full((1, 1), 255))
     attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
     attributes["COLOR_0"] = made.accessor([(1, 1, 1, a) for a in (0.1, 0.9, 0.9, 0.1)])
     read(made.glb())
@@ -148,7 +148,7 @@ def test_files_beside_it(taken, tmp_path):
     read(made.glb(), tmp_path)
     assert taken == [(len(inside), "buffers[0]"), QUAD]
     taken.clear()
-    made = textured(np.zeros((1, 1)))
+    made = textured_document(np.zeros((1, 1)))
     made.json["images"] = [{"uri": "a.png"}]
     (tmp_path / "a.png").write_bytes(png_of_alpha([[0]]))
     made.quad("Other", 0, 0)
@@ -162,7 +162,7 @@ def test_a_budget_is_a_floor_and_a_growth_and_what_is_left_of_them(monkeypatch):
     budget = Budget(200)
     budget.take(900, "a")
     budget.take(700, "b")  # the very last byte
-    assert (budget.limit, budget.left) == (1600, 0)
+    assert (budget.limit, budget.bytes_left) == (1600, 0)
     budget.take(0, "c")
     with pytest.raises(UnreadableGltfError, match="d: 1 bytes when decoded; expected: at most 1,6"):
         budget.take(1, "d")

@@ -144,7 +144,7 @@ def test_what_a_decoder_answers_is_read_by_its_types():
     payload = draco.DracoPayload(place="here", data=b"x", attributes=ids)
     budget = Budget(0)
     (mesh,) = draco._answers([payload], [answer], body, budget)
-    assert budget.limit - budget.left == len(body)
+    assert budget.limit - budget.bytes_left == len(body)
     assert mesh.triangles.tolist() == [[1, 2, 3]]
     assert [mesh.attributes[i].tolist() for i in ids] == [[[7, 8]]] * len(ids)
     with pytest.raises(UnreadableGltfError, match="a Draco attribute of type <f8"):

@@ -12,7 +12,7 @@ from legoworld.scene.gltf.verdicts import UnreadableGltfError
 INSIDE = Fields({}, "accessors[3]")
 
 
-def refused(get, value, expected):
+def assert_refused(get, value, expected):
     with pytest.raises(UnreadableGltfError) as caught:
         get(Fields({"x": value}, "accessors[3]"))
     assert caught.value.expected == expected
@@ -37,7 +37,7 @@ def test_integers(value, expected):
     "value", [-1, 2**53 + 1, 1.5, math.inf, math.nan, True, "1", None, [], 10**400]
 )
 def test_what_is_no_integer(value):
-    refused(lambda f: f.integer("x", 3), value, "an integer from 0")
+    assert_refused(lambda f: f.integer("x", 3), value, "an integer from 0")
 
 
 def test_what_is_absent():
@@ -60,22 +60,22 @@ def test_what_is_absent():
 
 def test_indices_are_below_the_length_and_distinct():
     assert [Fields({"x": i}).index("x", 2) for i in (0, 1)] == [0, 1]
-    refused(lambda f: f.index("x", 2), 2, "an index below 2")
-    refused(lambda f: f.index("x", 2), -1, "an integer from 0")
+    assert_refused(lambda f: f.index("x", 2), 2, "an index below 2")
+    assert_refused(lambda f: f.index("x", 2), -1, "an integer from 0")
     assert Fields({"x": [1, 0]}).indices("x", 2) == (1, 0)
     for value in ([2], [-1], [0, 0], [True], [0.0], {}, 0):
-        refused(lambda f: f.indices("x", 2), value, "distinct indices below 2")
+        assert_refused(lambda f: f.indices("x", 2), value, "distinct indices below 2")
 
 
 def test_numbers_are_finite():
     assert Fields({"x": 3}).number("x") == 3.0
     for value in (math.inf, math.nan, 10**400, True, "3", None):
-        refused(lambda f: f.number("x", 1.0), value, "a finite number")
+        assert_refused(lambda f: f.number("x", 1.0), value, "a finite number")
     assert Fields({"x": [1, 2.5]}).numbers("x", 2) == (1.0, 2.5)
     assert Fields({"x": []}).numbers("x") == ()
     for value in ([1], [1, 2, 3], [1, math.nan], [1, "2"], [True, 1], {}, 1):
-        refused(lambda f: f.numbers("x", 2), value, "2 finite numbers")
-    refused(lambda f: f.numbers("x"), [None], "a list of finite numbers")
+        assert_refused(lambda f: f.numbers("x", 2), value, "2 finite numbers")
+    assert_refused(lambda f: f.numbers("x"), [None], "a list of finite numbers")
 
 
 def test_texts_flags_and_objects():
@@ -85,13 +85,13 @@ def test_texts_flags_and_objects():
     assert Fields({"x": False}).flag("x", default=True) is False
     assert Fields({"x": {"y": 1}}).child("x").values == {"y": 1}
     assert [f.values for f in Fields({"x": [{}, {"y": 1}]}).children("x")] == [{}, {"y": 1}]
-    refused(lambda f: f.text("x"), 3, "a text")
-    refused(lambda f: f.flag("x"), 1, "true or false")
-    refused(lambda f: f.child("x"), [], "an object")
+    assert_refused(lambda f: f.text("x"), 3, "a text")
+    assert_refused(lambda f: f.flag("x"), 1, "true or false")
+    assert_refused(lambda f: f.child("x"), [], "an object")
     for value in ("ab", ["a", 1], {}):
-        refused(lambda f: f.texts("x"), value, "a list of texts")
+        assert_refused(lambda f: f.texts("x"), value, "a list of texts")
     for value in ({}, [{}, 1]):
-        refused(lambda f: f.children("x"), value, "a list of objects")
+        assert_refused(lambda f: f.children("x"), value, "a list of objects")
     extended = Fields({"extensions": {"KHR_a": {"y": 1}}}).extension("KHR_a")
     assert extended is not None
     assert (extended.values, extended.place) == ({"y": 1}, "extensions.KHR_a")

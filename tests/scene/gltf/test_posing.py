@@ -69,7 +69,7 @@ def test_poses_that_are_no_numbers_are_a_verdict():
         read(morph([1e300, 0]).glb())
 
 
-def skinned(joints, weights, second=None, bind=None, **node):
+def skin_document(joints, weights, second=None, bind=None, **node):
     made = Document()
     attributes = {"JOINTS_0": made.accessor(joints, "u1"), "WEIGHTS_0": made.accessor(weights)}
     if second is not None:
@@ -96,18 +96,20 @@ BOTH = (
 
 def test_joints_move_vertices_and_the_nodes_own_place_does_not_count():
     moved = [("Quad", 64, (46, 20, 54, 28))]
-    assert boxes(skinned(*ROOT_ONLY).glb()) == moved
-    assert boxes(skinned(*ROOT_ONLY, translation=[-30, -30, 0], scale=[9, 9, 9]).glb()) == moved
+    assert boxes(skin_document(*ROOT_ONLY).glb()) == moved
+    assert (
+        boxes(skin_document(*ROOT_ONLY, translation=[-30, -30, 0], scale=[9, 9, 9]).glb()) == moved
+    )
 
 
 def test_each_vertex_follows_its_joints():
-    assert boxes(skinned(*BOTH).glb()) == [("Quad", 144, (46, 10, 54, 28))]
+    assert boxes(skin_document(*BOTH).glb()) == [("Quad", 144, (46, 10, 54, 28))]
     half = ([[0, 1, 0, 0]] * 4, [[0.5, 0.5, 0, 0]] * 4)
-    assert boxes(skinned(*half).glb()) == [("Quad", 64, (46, 15, 54, 23))]
+    assert boxes(skin_document(*half).glb()) == [("Quad", 64, (46, 15, 54, 23))]
     # Weights that do not sum to 1 count by their shares; further influences count too.
     rounded = ([[0, 0, 0, 0]] * 4, [[0.25, 0, 0, 0]] * 4)
     more = ([[1, 0, 0, 0]] * 4, [[0.25, 0, 0, 0]] * 4)
-    made = skinned(*rounded, second=more)
+    made = skin_document(*rounded, second=more)
     assert boxes(made.glb()) == [("Quad", 64, (46, 15, 54, 23))]
     # Sets are numbered from 0 without a gap: what is beyond one does not count.
     attributes = made.json["meshes"][0]["primitives"][0]["attributes"]
@@ -119,7 +121,7 @@ def test_each_vertex_follows_its_joints():
 def test_a_vertex_without_weights_follows_the_first_joint():
     joints = [[1, 1, 1, 1], [1, 1, 1, 1], [1, 0, 0, 0], [1, 0, 0, 0]]
     weights = [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]]
-    assert boxes(skinned(joints, weights).glb()) == boxes(skinned(*BOTH).glb())
+    assert boxes(skin_document(joints, weights).glb()) == boxes(skin_document(*BOTH).glb())
 
 
 def test_inverse_bind_matrices_undo_the_rest_pose():
@@ -127,14 +129,14 @@ def test_inverse_bind_matrices_undo_the_rest_pose():
     undo[0, :3, 3] = (-10, 0, 0)
     undo[1, :3, 3] = (-10, -10, 0)
     columns = undo.transpose(0, 2, 1).reshape(2, 16)
-    assert boxes(skinned(*BOTH, bind=columns).glb()) == [("Quad", 64, (36, 20, 44, 28))]
+    assert boxes(skin_document(*BOTH, bind=columns).glb()) == [("Quad", 64, (36, 20, 44, 28))]
 
 
 def test_more_matrices_than_joints_are_left_and_fewer_are_a_verdict():
     columns = np.tile(np.eye(4), (3, 1, 1)).reshape(3, 16)
-    assert boxes(skinned(*BOTH, bind=columns).glb()) == boxes(skinned(*BOTH).glb())
+    assert boxes(skin_document(*BOTH, bind=columns).glb()) == boxes(skin_document(*BOTH).glb())
     with pytest.raises(UnreadableGltfError, match="1 matrices for 2 joints"):
-        read(skinned(*BOTH, bind=columns[:1]).glb())
+        read(skin_document(*BOTH, bind=columns[:1]).glb())
 
 
 @pytest.mark.parametrize(
@@ -158,7 +160,7 @@ def test_more_matrices_than_joints_are_left_and_fewer_are_a_verdict():
     ],
 )
 def test_broken_skins_are_verdicts(change, found):
-    made = skinned(*BOTH)
+    made = skin_document(*BOTH)
     change(made)
     with pytest.raises(UnreadableGltfError) as verdict:
         read(made.glb())

@@ -177,7 +177,7 @@ def blender():
         yield process
 
 
-def compared(path: Path, blender, size_wh=None) -> SourceComparison:
+def compare_sources_of(path: Path, blender, size_wh=None) -> SourceComparison:
     folder = SceneFolder(path=path, name=path.name)
     blend, glb = (
         Scene(open_scene(folder, source=file, blender=blender, cache=None))
@@ -194,7 +194,7 @@ def compared(path: Path, blender, size_wh=None) -> SourceComparison:
      if (name, size) != ("clipped", (333, 250))],
 )  # fmt: skip
 def test_every_shared_instance_agrees(name, size_wh, folder, blender):
-    found = compared(folder / name, blender, size_wh)
+    found = compare_sources_of(folder / name, blender, size_wh)
     assert len(found.pairs) >= 2
     assert {pair.name: pair.iou for pair in found.pairs if pair.iou < 0.999} == {}
     assert [pair.name for pair in found.pairs if pair.blend_category != pair.glb_category] == []
@@ -205,24 +205,26 @@ def test_every_shared_instance_agrees(name, size_wh, folder, blender):
 
 @pytest.mark.blender
 def test_a_sensor_fit_is_lost_in_pictures_of_another_aspect(folder, blender):
-    found = compared(folder / "clipped", blender, (333, 250))
+    found = compare_sources_of(folder / "clipped", blender, (333, 250))
     assert any(d.startswith("the projection's fx is") for d in found.differences)
     assert found.n_disagreeing == 2
 
 
 @pytest.mark.blender
 def test_instances_and_labels_survive(folder, blender):
-    found = compared(folder / "instancing", blender)
+    found = compare_sources_of(folder / "instancing", blender)
     named = sorted((pair.name, pair.glb_category) for pair in found.pairs)
     assert named.count(("Seat", "chair")) == 4
     assert [n for n, _ in named].count("Back") == 4
-    (chair,) = [p for p in compared(folder / "hierarchy", blender).pairs if p.name == "Chair"]
+    (chair,) = [
+        p for p in compare_sources_of(folder / "hierarchy", blender).pairs if p.name == "Chair"
+    ]
     assert chair.glb_category == "chair"
 
 
 @pytest.mark.blender
 def test_what_is_lost_is_named(folder, blender, capsys):
-    found = compared(folder / "lost", blender)
+    found = compare_sources_of(folder / "lost", blender)
     assert [entry.name for entry in found.lost] == ["Set"]
     assert sorted(entry.name for entry in found.gained) == ["InSet0", "InSet1"]
     text = "\n".join(found.differences)
@@ -266,7 +268,7 @@ def test_the_command_writes_both_sides(folder, tmp_path, capsys):
 def test_a_real_flat_agrees(real_data, tmp_path, blender):
     shutil.copy(real_data / "scenes" / "archx3d" / "scene.blend", tmp_path / "scene.blend")
     shutil.copy(real_data / "scenes" / "archx3d" / "model.glb", tmp_path / "scene.glb")
-    found = compared(tmp_path, blender, (960, 540))
+    found = compare_sources_of(tmp_path, blender, (960, 540))
     assert len(found.pairs) > 10
     assert (found.n_disagreeing, found.differing_px) == (0, 0)
     assert (found.lost, found.gained, found.differences) == ((), (), ())
@@ -300,6 +302,6 @@ scene.camera = camera
     )
     scene = tmp_path / "scene"
     assert cli.run(["execute", str(program), "-o", str(scene), "-q", "--no-picture"]) == 0
-    found = compared(scene, blender)
+    found = compare_sources_of(scene, blender)
     assert [(p.name, p.glb_category, p.iou) for p in found.pairs] == [("Set", "dining table", 1.0)]
     assert not [d for d in found.differences if "collections" in d]

@@ -58,7 +58,7 @@ def members(value: Any, path: Path = ()) -> Iterator[Path]:
             yield from members(inner, (*path, key))
 
 
-def changed(document: dict[str, Any], path: Path, value: Any) -> dict[str, Any]:
+def change_value(document: dict[str, Any], path: Path, value: Any) -> dict[str, Any]:
     whole = copy.deepcopy(document)
     holder: Any = whole
     for key in path[:-1]:
@@ -67,7 +67,7 @@ def changed(document: dict[str, Any], path: Path, value: Any) -> dict[str, Any]:
     return whole
 
 
-def shown(path: Path) -> str:
+def path_words(path: Path) -> str:
     words = (f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
     return "".join(words).removeprefix(".")
 
@@ -84,7 +84,7 @@ def test_the_document_itself_is_read():
     assert len(read(MADE.glb()).surface_mesh) == 4
 
 
-@pytest.mark.parametrize("path", MEMBERS, ids=shown)
+@pytest.mark.parametrize("path", MEMBERS, ids=path_words)
 def test_a_member_of_another_type(path):
     value: Any = MADE.json
     for key in path:
@@ -94,12 +94,12 @@ def test_a_member_of_another_type(path):
         others = [v for v in others if not isinstance(v, int)]
     refused = []
     for other in others:
-        text = json.dumps(changed(MADE.json, path, other)).encode()
+        text = json.dumps(change_value(MADE.json, path, other)).encode()
         try:
             read(glb_of(text, bytes(MADE.binary)))
         except UnreadableGltfError as error:
             refused.append(str(error))
-    if shown(path) in UNREAD:
+    if path_words(path) in UNREAD:
         assert refused == []
         return
     assert len(refused) == len(others)
