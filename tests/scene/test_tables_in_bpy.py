@@ -54,6 +54,26 @@ def test_an_attribute_of_any_type_is_in_a_mesh_s_hash(told):
     assert set(map(tuple, told["attributes"].values())) == {(True, False)}
 
 
+def test_an_image_times_an_attribute_cuts_where_their_sum_reaches_the_threshold(told):
+    """Or says why it cannot be read."""
+    read = {name: found for name, found in told["products"].items() if isinstance(found, list)}
+    assert read == {
+        **dict.fromkeys(
+            ("i v", "(1 - i) v", "(i + 1) v", "i v + 0.45", "i v + 0.55", "i (1 - v)",
+             "i v of a clipped image", "i v of any v", "1 + i v"),
+            [0, True, 1],
+        ),
+        "2 i v of v to 0.2": [0, False, 0],
+    }  # fmt: skip
+    beyond = "alpha comes from an attribute beyond 0..1, cut off there"
+    no_product = "alpha is not a product of image and attribute terms"
+    assert {name: why for name, why in told["products"].items() if name not in read} == {
+        "i v beyond 1": beyond, "i v below 0": beyond, "(i - 0.5) v": no_product,
+        "(i + 1) v of a clipped image": no_product, "1 - i v": no_product,
+        "i + v": "alpha is a sum of its image and its attribute",
+    }  # fmt: skip
+
+
 def test_only_what_a_file_renders_with_is_a_setting(told):
     """Neither what windows show, nor what entities of their own say."""
     assert told["changed"] == [
