@@ -62,6 +62,9 @@ def _read(build: Callable[[], object]) -> Any:
         read.objects[rows[i]].name + (f" by {read.objects[rows[maker]].name}" if maker >= 0 else "")
         for i, maker in enumerate(makers)
     )
+    frames: dict[str, set[tuple[int, ...]]] = {}
+    for row, *made_by in zip(rows, makers, read.occurrence_frame.tolist(), strict=True):
+        frames.setdefault(read.objects[row].name, set()).add(tuple(made_by))
     placed = {
         read.objects[rows[o]].name: [[round(float(x), 4) for x in row] for row in matrix]
         for o, matrix in zip(read.surface_occurrence, read.world_from_mesh, strict=True)
@@ -76,6 +79,7 @@ def _read(build: Callable[[], object]) -> Any:
         "parents": {c.name: [folders[i].name for i in c.parents] for c in folders},
         "held": {o.name: [folders[i].name for i in o.collections] for o in read.objects},
         "made": made,
+        "apart": {name: len(of) for name, of in frames.items()},
         "placed": placed,
         "layer": [read.render.scene_name, read.render.view_layer],
         "camera": [read.camera.name, [c.name for c in read.cameras]],
@@ -139,18 +143,32 @@ def _instances() -> None:
     scattered = collection("Scattered", None)
     square("Chip", 1, scattered)
     scatter(points("Field", [(0, 0), (9, 9)]), thing=bpy.data.objects["Chip"])
-    blown = square("Blower", 4)
-    blown.modifiers.new("Blow", "PARTICLE_SYSTEM")
-    settings = blown.particle_systems[0].settings
-    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 2, 0, 0, 100
-    settings.render_type, settings.instance_object = "OBJECT", bpy.data.objects["Chip"]
-    line = link(bpy.data.objects.new("Line", bpy.data.curves.new("Line", "CURVE")))
-    line.data.extrude = 1
-    line.data.splines.new("POLY").points.add(1)
-    line.data.splines[0].points[1].co = (1, 0, 0, 1)
+    _blow(square("Blower", 4))
+    _line("Line")
+    bush = points("Bush", [(0, 0), (9, 9)], collection=outer)
+    scatter(bush, thing=bpy.data.objects["Chip"])
+    bush.modifiers.new("Smooth", "SMOOTH")
+    _blow(square("Puff", 4, outer))
+    _line("Wire", outer)
     turned = square("Turned")
     turned.rotation_euler.z, turned.scale, turned.location = math.pi / 2, (2, 3, 4), (5, 6, 7)
     bpy.context.scene.frame_set(1)
+
+
+def _blow(from_: Any) -> None:
+    """Give an object two particles that are chips."""
+    from_.modifiers.new("Blow", "PARTICLE_SYSTEM")
+    settings = from_.particle_systems[0].settings
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 2, 0, 0, 100
+    settings.render_type, settings.instance_object = "OBJECT", bpy.data.objects["Chip"]
+
+
+def _line(name: str, within: Any = None) -> None:
+    """A curve with an extruded edge."""
+    made = link(bpy.data.objects.new(name, bpy.data.curves.new(name, "CURVE")), within)
+    made.data.extrude = 1
+    made.data.splines.new("POLY").points.add(1)
+    made.data.splines[0].points[1].co = (1, 0, 0, 1)
 
 
 def _types() -> None:

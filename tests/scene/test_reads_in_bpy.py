@@ -103,15 +103,18 @@ def test_cameras_that_can_be_read(told):
 
 def test_what_made_each_object_that_is_there(told):
     """A path of indices is all that Blender reports of it."""
+    makers = ("Blower", "Bush", "Field", "Puff")
     assert told["instances"]["made"] == [
-        "Blower", "Camera", *["Chip by Blower"] * 2, *["Chip by Field"] * 2, *["Dot by Plate"] * 4,
-        "Field", "Leaf by Twig", "Line", "Plate", "Stem by Tree", "Tree", "Turned", "Twig by Tree",
-        "Unused",
+        "Blower", "Bush by Tree", "Camera", *(f"Chip by {maker}" for maker in makers for _ in "12"),
+        *["Dot by Plate"] * 4, "Field", "Leaf by Twig", "Line", "Plate", "Puff by Tree",
+        "Stem by Tree", "Tree", "Turned", "Twig by Tree", "Unused", "Wire by Tree",
     ]  # fmt: skip
     shown = [name for name, _, _ in told["instances"]["surfaces"]]
     assert shown == [
-        "Blower", *["Chip"] * 4, *["Dot"] * 4, "Leaf", "Line", "Stem", "Turned"
+        "Blower", *["Chip"] * 8, *["Dot"] * 4, "Leaf", "Line", "Puff", "Stem", "Turned", "Wire"
     ]  # fmt: skip
+    apart = {name: count for name, count in told["instances"]["apart"].items() if count > 1}
+    assert apart == {"Chip": 8, "Dot": 4}
 
 
 def test_a_surface_stands_where_its_object_does(told):

@@ -57,14 +57,10 @@ def test_an_attribute_of_any_type_is_in_a_mesh_s_hash(told):
 def test_an_image_times_an_attribute_cuts_where_their_sum_reaches_the_threshold(told):
     """Or says why it cannot be read."""
     read = {name: found for name, found in told["products"].items() if isinstance(found, list)}
-    assert read == {
-        **dict.fromkeys(
-            ("i v", "(1 - i) v", "(i + 1) v", "i v + 0.45", "i v + 0.55", "i (1 - v)",
-             "i v of a clipped image", "i v of any v", "1 + i v"),
-            [0, True, 1],
-        ),
-        "2 i v of v to 0.2": [0, False, 0],
-    }  # fmt: skip
+    names = """i v; (1 - i) v; (i + 1) v; i v + 0.45; i v + 0.55; i (1 - v); i v of any v; 1 + i v;
+        i v of a clipped image"""
+    expected = {name.strip(): [0, True, 1] for name in names.split(";")}
+    assert read == {**expected, "2 i v of v to 0.2": [0, False, 0]}
     beyond = "alpha comes from an attribute beyond 0..1, cut off there"
     no_product = "alpha is not a product of image and attribute terms"
     assert {name: why for name, why in told["products"].items() if name not in read} == {
