@@ -20,6 +20,7 @@ from cases.stage import (
     instance_of,
     link,
     material,
+    nodes,
     points,
     polygons,
     scatter,
@@ -36,7 +37,7 @@ def main() -> int:
     made: dict[str, Callable[[], object]] = {
         "shared": _shared, "slots": _slots, "types": _types, "labels": _labels, "layers": _layers,
         "override there": lambda: _override("opaque"), "override gone": lambda: _override("gone"),
-        "instances": _instances, "adaptive": _adaptive, "far": lambda: _far(1e15),
+        "instances": _instances, "thin": _thin, "adaptive": _adaptive, "far": lambda: _far(1e15),
     }  # fmt: skip
     told = {name: _read(build) for name, build in made.items()}
     told["broken"] = {name: _read(build) for name, build in _BROKEN.items()}
@@ -169,6 +170,37 @@ def _line(name: str, within: Any = None) -> None:
     made.data.extrude = 1
     made.data.splines.new("POLY").points.add(1)
     made.data.splines[0].points[1].co = (1, 0, 0, 1)
+
+
+def _thin() -> None:
+    """Hair curves and particle hair, each once more, gone and held out by its material; points."""
+    camera((0, 0, 9))
+    hair = bpy.data.hair_curves.new("Hair")
+    hair.add_curves([2])
+    hair.position_data.foreach_set("vector", [0, 0, 1, 0, 2, 1])
+    for name in ("Cloud", "Cloud held out"):
+        cloud = points(name, [(0, 0), (9, 9)])
+        cloud.is_holdout = name != "Cloud"
+        tree, given, result = nodes(name)
+        spheres = tree.nodes.new("GeometryNodeMeshToPoints")
+        tree.links.new(given.outputs[0], spheres.inputs[0])
+        tree.links.new(spheres.outputs[0], result.inputs[0])
+        cloud.modifiers.new("Points", "NODES").node_group = tree
+    furry = square("Furry")
+    furry.modifiers.new("Fur", "PARTICLE_SYSTEM")
+    fur = furry.particle_systems[0].settings
+    fur.type, fur.count, fur.hair_step = "HAIR", 3, 2
+    for data in (hair, furry.data):
+        data.materials.append(material("opaque"))
+        link(bpy.data.objects.new(data.name.title(), data)) if data is not furry.data else None
+        for name, shader in (("gone", _gone()), ("held out", _holdout())):
+            other = furry.copy() if data is furry.data else bpy.data.objects.new("o", data)
+            link(other).name = f"{data.name.title()} {name}"
+            other.material_slots[0].link = "OBJECT"
+            other.material_slots[0].material = shader
+    unseen = furry.copy()
+    link(unseen).name = "Furry of hair alone"
+    unseen.show_instancer_for_render = False
 
 
 def _types() -> None:

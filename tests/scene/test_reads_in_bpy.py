@@ -121,3 +121,16 @@ def test_a_surface_stands_where_its_object_does(told):
     placed = told["instances"]["placed"]
     assert placed["Turned"] == [[0, -3, 0, 5], [2, 0, 0, 6], [0, 0, 4, 7]]
     assert placed["Leaf"] == [[1, 0, 0, -40], [0, 1, 0, 30], [0, 0, 1, 0]]
+
+
+def test_hair_and_points_are_seen_or_held_out_as_their_object_is(told):
+    """By their material, or by the object; what is gone has no hair, too."""
+    surfaces = told["thin"]["surfaces"]
+    assert [[name, held_out] for name, _, held_out in surfaces] == [
+        *[["Cloud", False]] * 2, *[["Cloud held out", True]] * 2, *[["Furry", False]] * 2,
+        *[["Furry held out", True]] * 2, ["Furry of hair alone", False], ["Hair", False],
+        ["Hair held out", True],
+    ]  # fmt: skip
+    fur = {triangles for name, triangles, _ in surfaces if name.startswith("Furry")} - {2}
+    assert len(fur) == 1
+    assert told["thin"]["warnings"] == ["before"]
