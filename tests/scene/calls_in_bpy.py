@@ -16,12 +16,24 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from cases.stage import box, camera, collection, fresh, instance_of, link, pixel_camera, square
+from cases.stage import (
+    box,
+    camera,
+    collection,
+    fresh,
+    instance_of,
+    link,
+    material,
+    pixel_camera,
+    polygons,
+    square,
+)
 from scene.by_hand import CAMERA
 
 from legoworld.errors import LegoWorldError
 from legoworld.scene.artefacts import without_metadata
 from legoworld.scene.blender import endpoint_calls as calls
+from legoworld.scene.blender.card_depth import surface_by_card
 from legoworld.scene.blender.occurrences import Walk, walk
 from legoworld.scene.blender.programs import _run, render_picture
 from legoworld.scene.blender.reference_cases import _Tiers, _views, read_cases, write_case
@@ -36,6 +48,7 @@ def main() -> int:
         "programs": {name: _program(text) for name, text in _PROGRAMS.items()},
         "endpoint": _endpoint(),
         "cases": _cases(),
+        "depth": _depth(),
     }
     print("\n" + json.dumps(told))
     return 0
@@ -254,6 +267,26 @@ def _exports(folder: str) -> Any:
             answer |= {"exported": sorted(answer["exported"])[-3:], "nodes": nodes[-3:]}
         told[name] = answer
     return told
+
+
+def _depth() -> Any:
+    """Depth and objects of a wall beside nothing, behind two cards of which one is there."""
+    fresh()
+    lens = camera((0, 0, 5)).data
+    lens.type, lens.ortho_scale, lens.shift_x = "ORTHO", 4, 0
+    lens.dof.use_dof, lens.dof.aperture_fstop, lens.dof.focus_distance = True, 0.01, 1
+    polygons("Wall", [(-2, -2, 1), (1, -2, 1), (1, 2, 1), (-2, 2, 1)], [(0, 1, 2, 3)])
+    for name, z, alpha in (("Card", 2, 0.6), ("Faint card", 3, 0.4)):
+        card = polygons(name, [(-2, -2, z), (-1, -2, z), (-1, 2, z), (-2, 2, z)], [(0, 1, 2, 3)])
+        material(name, card, Alpha=alpha)
+    wanted: Any = {"size_wh": (4, 4), "samples": 9, "seed": 1, "denoise": False, "threads": 1}
+    with tempfile.TemporaryDirectory() as name:
+        blend = Path(name) / "scene.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+        read = surface_by_card(blend, wanted)
+    names = json.loads(read["object_names"].tobytes())
+    met = [[names[i][0] for i in row] for row in read["object"][:, :3].tolist()]
+    return [[list(map(str, row)) for row in read["depth_z"].round(4).tolist()], met]
 
 
 def _cases() -> Any:

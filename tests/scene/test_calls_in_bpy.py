@@ -152,3 +152,9 @@ def test_what_is_wrong_with_tiers_is_named(told):
         "number": "'A' is of tier '1'",
         "earlier than its parent": "'A' is of tier easy, and 'C', which holds it, of hard",
     }
+
+
+def test_cycles_depth_is_exact_where_a_picture_would_be_out_of_focus(told):
+    depth, met = told["depth"]
+    assert depth == [["3.0", "4.0", "4.0", "inf"]] * 4
+    assert met == [["Card", "Wall", "Wall"]] * 4

@@ -98,9 +98,9 @@ def identity(block: bpy.types.ID) -> Identity:
     library = block.library
     if library is None:
         return (block.name, "")
-    # Blender 5.0 and later; the archive of one library may be there several times.
-    packed = getattr(library, "is_archive", False)
-    return (block.name, f"{library.filepath} [{library.name}]" if packed else library.filepath)
+    # The archive of one library may be there several times.
+    archive = f"{library.filepath} [{library.name}]"
+    return (block.name, archive if library.is_archive else library.filepath)
 
 
 def ancestors(block: bpy.types.ID) -> list[Any]:

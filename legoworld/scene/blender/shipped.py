@@ -50,7 +50,7 @@ def read_own_copies() -> None:
 
 def is_needed(library: bpy.types.Library) -> bool:
     """Whether a library's file is read: it has data that is neither packed nor an archive."""
-    if library.packed_file is not None or getattr(library, "is_archive", False):
+    if library.packed_file is not None or library.is_archive:
         return False
     return any(block.library == library for block in library.users_id)
 
