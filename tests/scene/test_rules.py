@@ -300,7 +300,7 @@ def test_a_limit_is_told_with_its_figure(over, found):
     for at, first in (("program", ""), (None, f"x\n{program_report.BEGUN}\n")):
         error = over_limit(ending(last="built\n", first=first), over, at, LIMITS, PROGRAM)
         assert error.found == found
-    assert error.next_step
+        assert all((error.what, error.expected, error.next_step))
     started = over_limit(ending(), over, None, LIMITS, PROGRAM)
     assert (started.what == "the program did not begin") is (over == "time")
 
@@ -320,6 +320,7 @@ def test_an_early_end_is_told_by_its_code_and_last_line(code, at, last, what, fo
     error = ended_early(ending(code, last), at, PROGRAM)
     assert what in error.what
     assert error.found == found
+    assert all((error.expected, error.next_step))
     assert isinstance(error, SandboxUnavailableError) is (what[0] == "b")
     begun = ended_early(ending(4, "x", f"{program_report.BEGUN}\n"), None, PROGRAM)
     assert begun.found == "exit code 4, and its report is gone; its last line: x"
