@@ -47,12 +47,16 @@ def test_a_hole_is_left_out_or_90_degrees_or_in_no_share():
     assert [metrics[name]["exclude"] for name in SHARES] == [k / 6 for k in range(1, 6)]
 
 
-def pooled_metrics(images, holes, order=1):
-    """Images of errors, with holes in the first, as two readings of their arrays pool them."""
-    rows = [
+def rows_of(images, holes):
+    """The rows of images of errors, with holes in the first."""
+    return [
         SimpleNamespace(errors=sum_errors(e), n_valid=len(e) + (0 if k else holes))
         for k, e in enumerate(images)
     ]
+
+
+def pooled_metrics(images, rows, order=1):
+    """Images of errors and their rows, as two readings of their arrays pool them."""
     asked = MEDIAN.question(rows)["bins"]
     answers = [e[np.isin(bin_errors(e), asked)] for e in images]
     options = MEDIAN.conclude(rows, answers[::order])
@@ -63,8 +67,10 @@ def pooled_metrics(images, holes, order=1):
 def test_pooled_images_are_one_image_of_all_pixels(holes):
     errors = np.random.default_rng(0).uniform(0, 180, 501)
     whole = image_metrics(errors, sum_errors(errors), holes)
-    same_metrics(pooled_metrics(np.split(errors, [1, 200, 201]), holes), whole)
-    same_metrics(pooled_metrics([VECTOR], 0), image_metrics(VECTOR, sum_errors(VECTOR), 0))
+    parts = np.split(errors, [1, 200, 201])
+    same_metrics(pooled_metrics(parts, rows_of(parts, holes)), whole)
+    one = pooled_metrics([VECTOR], rows_of([VECTOR], 0))
+    same_metrics(one, image_metrics(VECTOR, sum_errors(VECTOR), 0))
 
 
 @settings(max_examples=60)
@@ -79,8 +85,9 @@ def test_pooled_images_are_one_image_of_all_pixels(holes):
 def test_the_pooled_median_is_exact_in_any_order(values, holes, seed):
     errors = np.array(values)
     parts = np.split(errors, np.sort(np.random.default_rng(seed).integers(0, len(errors), 2)))
-    medians = pooled_metrics(parts, holes)["median_deg"]
-    assert medians == pooled_metrics(parts, holes, order=-1)["median_deg"]
+    rows = rows_of(parts, holes)
+    medians = pooled_metrics(parts, rows)["median_deg"]
+    assert medians == pooled_metrics(parts, rows, order=-1)["median_deg"]
     assert medians["exclude"] == np.median(errors)
     assert medians["error_90"] == np.median(np.concatenate([errors, np.full(holes, 90.0)]))
 
