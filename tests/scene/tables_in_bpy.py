@@ -236,7 +236,8 @@ def _product(
     )
     cuts: list[Any] = []
     cutter: Any = MeshCutter(
-        mesh=cast("Any", SimpleNamespace(uv_layers=(), name="m")), shown=cast("Any", None),
+        mesh=cast("Any", SimpleNamespace(uv_layers=(), name="m")),
+        evaluated_object=cast("Any", None),
         alphas=cast("Any", SimpleNamespace(cut_number=lambda cut: cuts.append(cut) or 0)),
         warnings=set(), unread=set(),
     )  # fmt: skip
