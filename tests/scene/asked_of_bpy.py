@@ -183,7 +183,7 @@ def _thin(shape: str = "RIBBONS", subdivisions: int = 2, **changed: Any) -> Thin
         "camera": CAMERA,
         "camera_object": None,
         "curve_settings": SimpleNamespace(shape=shape, subdivisions=subdivisions),
-        "drawn": True,
+        "renders_hair": True,
         "meshes": [],
         "alphas": AlphaTable(),
         "warnings": set(),
@@ -265,7 +265,7 @@ def _hair() -> Any:
             "there in a holdout": numbers(kind, THERE, held_out=True),
             "holdout in a holdout": numbers(kind, HOLDOUT, held_out=True),
             "gone in a holdout": numbers(kind, GONE, held_out=True),
-            "not drawn": numbers(kind, THERE, drawn=False),
+            "not drawn": numbers(kind, THERE, renders_hair=False),
             "flat": numbers(kind, THERE, at=flat),
         }
         for kind in ("hair", "curves")
