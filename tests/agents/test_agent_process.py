@@ -63,7 +63,7 @@ def order(tmp_path, monkeypatch):
         card=read_agent_card(tmp_path / "own.toml"), workspace=workspace, port=9900,
         plugin_port=9901, steps="the steps\n", model=None, protections=protections("limits"),
         limits=SandboxLimits(time_s=600.0, memory_bytes=1 << 30), continues=True,
-        unfinished_trial=unfinished, watch=BudgetWatch(UNLIMITED, lambda: False, Usage),
+        trial=unfinished, watch=BudgetWatch(UNLIMITED, lambda: False, Usage),
     )  # fmt: skip
 
 

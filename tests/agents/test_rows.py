@@ -61,7 +61,7 @@ def test_a_trial_whose_agent_failed_is_tried_again_and_one_without_a_scene_is_no
 
 def test_a_trial_whose_machine_was_lost_is_a_row(made, tmp_path, monkeypatch):
     monkeypatch.setitem(
-        ENGINES, "local", lambda job, items, _: (job.lost(item, "node 3 left") for item in items)
+        ENGINES, "local", lambda job, items, _: (job.lost_result(item, "node 3 left") for item in items)
     )
     (row,) = run(made, tmp_path / "scenes")
     assert (row.image_id, row.scene, row.run, row.status) == (1, "room", 1, "failed")
