@@ -60,9 +60,10 @@ def test_a_trial_whose_agent_failed_is_tried_again_and_one_without_a_scene_is_no
 
 
 def test_a_trial_whose_machine_was_lost_is_a_row(made, tmp_path, monkeypatch):
-    monkeypatch.setitem(
-        ENGINES, "local", lambda job, items, _: (job.lost_result(item, "node 3 left") for item in items)
-    )
+    def lose_all(job, items, _workers):
+        return (job.lost_result(item, "node 3 left") for item in items)
+
+    monkeypatch.setitem(ENGINES, "local", lose_all)
     (row,) = run(made, tmp_path / "scenes")
     assert (row.image_id, row.scene, row.run, row.status) == (1, "room", 1, "failed")
     assert "node 3 left" in row.reason

@@ -36,11 +36,11 @@ def test_a_viewport_keeps_a_scene_that_is_animated_where_a_surface_can_see_it(to
     ]  # fmt: skip
 
 
-def test_missing_data_of_a_library_is_refused_where_a_surface_depends_on_it(told):
+def test_missing_data_of_a_library_is_refused_where_the_view_or_a_surface_depends_on_it(told):
     assert sorted(told["missing"]) == [
-        "actions", "armatures", "collections", "curves", "hair_curves", "lattices", "materials",
-        "meshes", "metaballs", "node_groups", "objects", "particles", "scenes", "shape_keys",
-        "volumes",
+        "actions", "armatures", "cameras", "collections", "curves", "fonts", "hair_curves",
+        "lattices", "materials", "meshes", "metaballs", "node_groups", "objects", "particles",
+        "pointclouds", "scenes", "shape_keys", "textures", "volumes",
     ]  # fmt: skip
 
 

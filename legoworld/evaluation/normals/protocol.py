@@ -111,12 +111,13 @@ def sum_errors(errors_deg: F64) -> AngularErrors:
     for start in range(0, len(errors_deg), _BAND_PX):
         part = bin_errors(errors_deg[start : start + _BAND_PX])
         counts += np.bincount(part, minlength=len(counts))
+    n_bins = np.flatnonzero(counts).max(initial=-1) + 1
     return AngularErrors(
         n=len(errors_deg),
         sum_deg=float(errors_deg.sum()),
         sum_deg2=float(np.square(errors_deg).sum()),
         below=tuple(int(np.count_nonzero(errors_deg < limit)) for limit in THRESHOLDS_DEG),
-        counts=tuple(_pack_zeros(np.trim_zeros(counts, "b").tolist())),
+        counts=tuple(_pack_zeros(counts[:n_bins].tolist())),
     )
 
 

@@ -22,10 +22,13 @@ from legoworld.scene.blender.viewport import detach_viewport
 
 _MARKER: Final = "legoworld_not_replaced"
 
-#: Kinds of data a surface's shape, place or visibility can depend on, as bpy.data names them.
-_SHAPING: Final = ("actions", "armatures", "collections", "curves", "hair_curves", "lattices",
-                   "materials", "meshes", "metaballs", "node_groups", "objects", "particles",
-                   "scenes", "shape_keys", "volumes")  # fmt: skip
+#: Kinds of data the view or a surface's shape, place or visibility can depend on, as bpy.data
+#: names them.
+_SHAPING: Final = (
+    "actions", "armatures", "cameras", "collections", "curves", "fonts", "hair_curves", "lattices",
+    "materials", "meshes", "metaballs", "node_groups", "objects", "particles", "pointclouds",
+    "scenes", "shape_keys", "textures", "volumes",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
