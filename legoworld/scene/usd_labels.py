@@ -26,7 +26,10 @@ def refuse_missing_usd() -> None:
     """UsageError where usd-core is not installed."""
     if find_spec("pxr") is None:
         raise UsageError(
-            "USD needs usd-core, which is not installed", next_step=extras.install_command("usd")
+            "USD needs a package",
+            found="no usd-core",
+            expected="usd-core",
+            next_step=extras.install_command("usd"),
         )
 
 
@@ -55,6 +58,7 @@ def write_label_layer(file: Path, layer: Path) -> LabelLayer:
             f"USD cannot read {file.name}",
             found=one_line(str(error).rpartition(" : ")[2], 200),
             expected="a .usd, .usda, .usdc or .usdz file",
+            next_step="export it again; `usdcat FILE` reads what USD can read",
         ) from error
     own = Sdf.Layer.CreateNew(str(layer))
     # Of units, up axis and default prim only the uppermost layer's count.

@@ -95,7 +95,10 @@ def _new_scene(what: str) -> Iterator[None]:
         yield
     except RuntimeError as error:
         raise SceneInvalidError(
-            f"Blender cannot import {what}", found=one_line(str(error), 200)
+            f"Blender cannot import {what}",
+            found=one_line(str(error), 200),
+            expected="a file that Blender's own importer reads",
+            next_step="export it again, or deliver scene.blend",
         ) from error
 
 

@@ -104,7 +104,10 @@ def _execute_to_file(
         made = folder / (GLB if output.suffix.lower() == ".glb" else BLEND)
         if not made.is_file():
             raise ProgramOutputError(
-                f"the program left no {output.suffix}", found="; ".join(result.warnings)
+                f"the program left no {output.suffix}",
+                found="; ".join(result.warnings),
+                expected=f"a scene that Blender exports as {output.suffix}",
+                next_step="mend what it warns about, and run it again",
             )
         made.replace(output)
     return replace(result, files=(output.name,))
