@@ -159,6 +159,6 @@ def test_usd_needs_the_blend(scenes, tmp_path):
 def test_without_usd_core_the_extra_is_named(monkeypatch, tmp_path, scenes):
     monkeypatch.setattr("legoworld.scene.usd_labels.find_spec", lambda _: None)
     monkeypatch.setattr("legoworld.extras.requirements", lambda extra: [f"package-of-{extra}"])
-    with pytest.raises(UsageError, match=r"no usd-core; expected: usd-core; next: .*package-of-usd"):
+    with pytest.raises(UsageError, match=r"found: no usd-core; .*next: .*package-of-usd"):
         export(scenes / "room", tmp_path / "out", format="usd", cache=False)
     assert not (tmp_path / "out").exists()
