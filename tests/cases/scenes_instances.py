@@ -90,7 +90,7 @@ def labelled_inside_a_collection() -> None:
         instance_of(bowl, f"Place {i}", 20 + 40 * i, 30)
 
 
-def scatter_instances() -> None:
+def scattered() -> None:
     """A labelled object, a labelled collection (whole and picked from), and a labelled ground."""
     pixel_camera()
     store = collection("Store", None)
