@@ -115,6 +115,9 @@ def test_what_is_not_there_is_a_vertex_group_or_nothing():
         assert values(plain, missing) == [[0.0] * 3] * 2
     colors = mesh("FLOAT_COLOR", [RGBA] * 4)
     assert values(colors, source("alpha", "", "color attribute")) == [[0.75] * 3] * 2
+    vectors = mesh("FLOAT_VECTOR", [RGBA[:3]] * 4)
+    found = values(vectors, source("luminance", node="color attribute"))
+    assert np.array(found) == pytest.approx(LUMINANCE)
 
 
 @pytest.mark.parametrize(
