@@ -64,7 +64,7 @@ def run_trial(
     """
     begun = time.monotonic()
     workspace, parts = _open_workspace(plan, image, trial)
-    ended, record = (trial.read_ended(), TrialRecord(trial.scene_folder / TRIAL))
+    ended, record = trial.read_ended(), TrialRecord(trial.scene_folder / TRIAL)
     if ended is None:
         ended, record = _agent_part(plan, image, trial, workspace, len(parts) > 1, stop)
         stop.check()

@@ -71,10 +71,11 @@ def _write_files(folder: Path) -> bool:
     for name in _SCENES:
         source = catalog.folder("examples") / name
         shutil.copytree(source, folder / "scenes" / name, dirs_exist_ok=True)
+    data, tasks = _data_folder(), _list_tasks()
     for kind, place in (("track", "tracks"), ("truth", "truth")):
         (folder / place).mkdir(parents=True, exist_ok=True)
-        for task in _list_tasks():
-            shutil.copyfile(_data_folder() / f"{kind}_{task}.json", folder / place / f"{task}.json")
+        for task in tasks:
+            shutil.copyfile(data / f"{kind}_{task}.json", folder / place / f"{task}.json")
     if importlib.util.find_spec("skimage") is None:
         return False
     import cv2

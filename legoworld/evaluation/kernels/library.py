@@ -30,7 +30,8 @@ def call(function: str, *arguments: object) -> None:
     An array is passed as its pointer, a structure by reference, an int as int64; numbers of other
     types are given as such, like `ctypes.c_int32(n)`.
     """
-    done = library()[function](*map(_passed, arguments))
+    # The attribute is looked up in the library once: an index would do so at each call.
+    done = getattr(library(), function)(*map(_passed, arguments))
     if done == _NO_MEMORY:
         raise MemoryError("no memory for the evaluation's compiled library")
     assert not done, f"the evaluation's compiled library answers {done}"

@@ -208,8 +208,8 @@ def _truth_files(
 ) -> tuple[TruthFile, ...]:
     """The ground truth of every image, from the closest common parent folder."""
 
-    def with_first(folder: Path) -> tuple[TruthFile, ...] | None:
+    def find_files(folder: Path) -> tuple[TruthFile, ...] | None:
         files = family.find_truth(folder, images)
         return files if files[0].path == first else None
 
-    return find_closest(first.parents, with_first)
+    return find_closest(first.parents, find_files)
